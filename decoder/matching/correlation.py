@@ -15,16 +15,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from decoder.imaging.sorting import MAD_TO_SIGMA, median
+from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, MAX_CONDITION, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Mask, limited
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
 EVERY = 4  # pixels; this subset gives the median as well
+Spectrum = NDArray[np.complexfloating[Any, Any]]
+
 ROUNDING = np.finfo(np.float32).eps  # keeps a division by a total weight of zero finite
 
 
@@ -243,6 +247,52 @@ def explained(left: Floats, weights: Floats) -> Floats:
     some = some[known > 0]
     spread = MAD_TO_SIGMA * float(median(some)) if some.size else 0.0
     return (off <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
+
+
+def noise_between(pictures: Floats) -> float:
+    """Return how many grey levels pictures of a dial (F, P, C) differ by where nothing changes, in most of it."""
+    apart = pictures - median_of(pictures)
+    return float(np.clip(MAD_TO_SIGMA * median(np.abs(apart).ravel()), FACE_NOISE_LEVELS, NOISE_LEVELS))
+
+
+def changing(pictures: Floats, noise_levels: float) -> Floats:
+    """(P, C): from 0 where pictures (F, P, C) are all alike to 1 where they differ by far more than noise."""
+    apart = np.maximum(pictures.std(axis=0) - noise_levels, 0.0) ** 2
+    parts: Floats = apart / (noise_levels**2 + apart)
+    return parts
+
+
+def turned_correlation(pictures: Floats, noise_levels: float) -> Floats:
+    """Return how well each of F pictures of a dial (F, P, C), turned on by each number of rows, matches each other one.
+
+    Only what changes between the pictures belongs to what turns, so only that has weight, in both. Then neither a fixed
+    mark nor a face without print counts, nor do marks at regular distances that have turned onto each other. The noise
+    is added to the variances, so what hardly changes matches nothing.
+
+    Returns
+    -------
+    (F, F, P) float32, in [-1, 1]
+        For the first picture, the second, and the rows by which the first is turned clockwise.
+    """
+    rows, weights = pictures.shape[1], changing(pictures, noise_levels)
+    total = max(float(weights.sum()), float(ROUNDING))
+    levels = pictures - np.float32((weights * pictures.mean(axis=0)).sum() / total)  # small squares suit float32
+    weighted = weights * levels
+    moved, sums, squares = (np.fft.rfft(each, axis=-2) for each in (weights, weighted, weighted * levels))
+
+    def along(spectra: Spectrum, others: Spectrum) -> Floats:
+        turned: Floats = np.fft.irfft((spectra.conj() * others).sum(axis=-1), rows)
+        return turned
+
+    area = np.maximum(along(moved, moved), ROUNDING * rows)
+    means, next_means = along(sums, moved) / area, along(moved, sums) / area
+    spreads = np.sqrt(np.maximum(along(squares, moved) / area - means**2, 0.0) + noise_levels**2)
+    next_spreads = np.sqrt(np.maximum(along(moved, squares) / area - next_means**2, 0.0) + noise_levels**2)
+    scores = np.empty((len(pictures), len(pictures), rows), np.float32)
+    for one, spectrum in enumerate(sums):
+        shared = along(spectrum, sums) / area - means[one] * next_means
+        scores[one] = shared / (spreads[one] * next_spreads)
+    return limited(scores, -1.0, 1.0)
 
 
 def weighted_correlation(seen: Floats, left: Floats, weights: Floats) -> float:

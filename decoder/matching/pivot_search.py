@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Self
 
 import cv2
@@ -19,10 +18,10 @@ import numpy as np
 
 from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
-from decoder.matching.correlation import sliding_sums
+from decoder.matching.correlation import noise_between, sliding_sums, turned_correlation
 from decoder.matching.needle_template import odd_rows
 from decoder.matching.thresholds import FAR_GAIN, FAR_PART, REACH_PART
-from decoder.panel.arrays import Floats, Indices, Mask, limited
+from decoder.panel.arrays import Floats, Mask, limited
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.pivot import across
 from decoder.registration.thresholds import NOISE_LEVELS
@@ -33,8 +32,7 @@ Score = Callable[[Floats], Floats]
 
 # At this resolution a needle that is askew by a fiftieth of the radius still shows.
 ROW_DEG, COLUMNS = 1.0, 16
-# A card's marks are finer, but all turns are searched at once.
-CARD_ROW_DEG, FINE_ROW_DEG = 2.0, 1.0
+CARD_ROW_DEG, CARD_COLUMNS = 1.0, 32
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
@@ -97,41 +95,42 @@ def drawn_needles_deg(
 
 def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
     """Search for a card's pivot, as `needle_pivot`: around it, frames show the same card, only turned."""
-    strips = _spread(_turned_elsewhere(strips), MOST_CARD_FRAMES)
+    strips = _most_different(strips)
+    if len(strips) <= 1:
+        return None
     radius_px = float(grid.radii_px[-1])
     # All of what turns with it has to be visible around every centre tried.
     reach_px = min(REACH_PART * radius_px, (radius_px - grid.inner_px) / 3)
-    pairs = np.array(list(combinations(range(len(strips)), 2))).T
-    if not pairs.size:
-        return None
+    rings = _Rings.of(grid, strips, reach_px)
 
-    def score_in(row_deg: float, columns: int) -> Score:
-        ring = (
-            np.arange(0.0, FULL_CIRCLE_DEG, row_deg),
-            np.linspace(grid.inner_px + reach_px, radius_px - reach_px, columns),
-        )
-        wide = max(1, round(row_deg / grid.step_deg / 2)), max(1, round(len(grid.radii_px) / columns / 2))
-        blurred = [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips]
-
-        def score(offsets_px: Floats) -> Floats:
-            rings = (_around(grid, blurred, offset_px, *ring) for offset_px in offsets_px)
-            return np.array([_alike(each, pairs) for each in rings])
-
-        return score
+    def score(offsets_px: Floats) -> Floats:
+        return np.array([_alike(rings.around(offset_px)) for offset_px in offsets_px])
 
     # A card around a centre that is off by less than for needles is not read either, and then no tilt helps.
-    found = _best(score_in(CARD_ROW_DEG, COLUMNS), radius_px, reach_px, near_part=LAST_STEP_PART)
-    if found is None:
+    start = _best(score, radius_px, reach_px, near_part=LAST_STEP_PART)
+    if start is None:
         return None
-    return _finest(score_in(FINE_ROW_DEG, 2 * COLUMNS), np.array(found), LAST_STEP_PART * radius_px / 2)
+    found = _finest(score, np.array(start), LAST_STEP_PART * radius_px / 2)
+    # Near its edges a card may show what decides.
+    drawn, there = (1.0 - _alike(card_rings(grid, strips, each)) for each in ((0.0, 0.0), found))
+    return found if there < FAR_GAIN * drawn else None
 
 
-def _turned_elsewhere(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
-    """Leave out frames that look like most, which show what does not turn, and the card where it mostly stands."""
-    if not strips:
-        return []
-    mostly = median_of(np.stack(strips))
-    return [strip for strip in strips if float(np.square(strip - mostly).mean()) > NOISE_LEVELS**2]
+def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vector) -> Floats:
+    """(F, P, N): all of a card that frames (R, C) show around another centre, a row in `CARD_ROW_DEG`."""
+    return _Rings.of(grid, strips, 0.0).around(np.array(offset_px))
+
+
+def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
+    """Choose frames that differ most from each other; those in which nothing has moved tell nothing of what turns."""
+    chosen = [0] if strips else []
+    apart = np.full(len(strips), np.inf)
+    while 0 < len(chosen) < MOST_CARD_FRAMES:
+        apart = np.minimum(apart, [float(np.square(strip - strips[chosen[-1]]).mean()) for strip in strips])
+        if apart.max() <= NOISE_LEVELS**2:
+            break
+        chosen.append(int(apart.argmax()))
+    return [strips[index] for index in chosen]
 
 
 def _finest(score: Score, offset_px: Floats, step_px: float) -> Vector:
@@ -143,28 +142,40 @@ def _finest(score: Score, offset_px: Floats, step_px: float) -> Vector:
     return float(offset_px[0]), float(offset_px[1])
 
 
-def _around(
-    grid: PolarGrid, strips: Sequence[Floats], offset_px: Floats, angles_deg: Floats, radii_px: Floats
-) -> Floats:
-    """(F, A, N): strips sampled around another centre."""
-    angles = np.radians(angles_deg)[:, None]
-    x, y = offset_px[0] + np.cos(angles) * radii_px, offset_px[1] + np.sin(angles) * radii_px
-    middle_deg = grid.angle_deg((grid.rows - 1) / 2)
-    turned_deg = middle_deg + (np.degrees(np.arctan2(y, x)) - middle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
-    rows = ((turned_deg - grid.start_deg) / grid.step_deg).astype(np.float32)
-    columns = ((np.hypot(x, y) - grid.inner_px) / grid.column_px + grid.tail_columns).astype(np.float32)
-    return np.stack([cv2.remap(strip, columns, rows, cv2.INTER_LINEAR) for strip in strips])
+@dataclass(frozen=True, slots=True)
+class _Rings:
+    """Blurred frames (F, R, C) on a grid, and the angles and radii on which to sample them around other centres."""
+
+    grid: PolarGrid
+    blurred: Sequence[Floats]
+    angles: Floats
+    radii_px: Floats
+
+    @classmethod
+    def of(cls, grid: PolarGrid, strips: Sequence[UnwrappedGauge], margin_px: float) -> Self:
+        """Leave out a margin at either edge, so that all frames show all of the ring around a centre that near."""
+        radii_px = np.linspace(grid.inner_px + margin_px, grid.radii_px[-1] - margin_px, CARD_COLUMNS)
+        wide = max(1, round(CARD_ROW_DEG / grid.step_deg / 2)), max(1, round(len(grid.radii_px) / CARD_COLUMNS / 2))
+        blurred = [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips]
+        return cls(grid, blurred, np.radians(np.arange(0.0, FULL_CIRCLE_DEG, CARD_ROW_DEG)), radii_px)
+
+    def around(self, offset_px: Floats) -> Floats:
+        """(F, A, N): frames around another centre, about the mean of each circle."""
+        grid, angles = self.grid, self.angles[:, None]
+        x, y = offset_px[0] + np.cos(angles) * self.radii_px, offset_px[1] + np.sin(angles) * self.radii_px
+        middle_deg = grid.angle_deg((grid.rows - 1) / 2)
+        turned_deg = middle_deg + (np.degrees(np.arctan2(y, x)) - middle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
+        rows = ((turned_deg - grid.start_deg) / grid.step_deg).astype(np.float32)
+        columns = ((np.hypot(x, y) - grid.inner_px) / grid.column_px + grid.tail_columns).astype(np.float32)
+        rings = np.stack([cv2.remap(strip, columns, rows, cv2.INTER_LINEAR) for strip in self.blurred])
+        about: Floats = rings - rings.mean(axis=1, keepdims=True)
+        return about
 
 
-def _alike(rings: Floats, pairs: Indices) -> float:
+def _alike(rings: Floats) -> float:
     """Return how well pairs of F frames (F, angles, radii) match if one is turned: the mean of their best NCCs."""
-    rings = rings - rings.mean(axis=1, keepdims=True)
-    rings = rings - median_of(rings)  # remove what does not turn
-    energy = np.sqrt(np.square(rings).sum(axis=(1, 2)) + rings[0].size * NOISE_LEVELS**2)
-    spectra = np.fft.rfft(rings, axis=1)
-    one, other = pairs
-    products = np.fft.irfft((spectra[one] * spectra[other].conj()).sum(axis=2), rings.shape[1], axis=1)
-    return float((products.max(axis=1) / (energy[one] * energy[other])).mean())
+    scores = turned_correlation(rings, noise_between(rings)).max(axis=2)
+    return float(scores[np.triu_indices(len(rings), 1)].mean())
 
 
 @dataclass(frozen=True, slots=True)

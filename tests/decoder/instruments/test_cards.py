@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
-from decoder.instruments.appearance import CardPicture
-from decoder.instruments.kinds.dials.card import Learned, clearest
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
@@ -142,23 +139,6 @@ def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
     assert (own_status, own_off < 0.5) == (Status.READ, True)
 
 
-def learned(rows: Sequence[float], unexplained: float) -> Learned:
-    """A card whose other properties do not matter."""
-    blank = np.ones((2, 2), np.float32)
-    return Learned(CardPicture(blank * unexplained, blank), np.array(rows), unexplained)
-
-
-def test_card_is_the_one_that_explains_frames_clearly_better_than_any_other() -> None:
-    """Cards that give all frames the same turns are one; a second with a residual little larger makes both doubtful."""
-    step_deg = 0.5
-    best, same = learned([0] * 6 + [100] * 5, 0.01), learned([90] * 6 + [400] + [189] * 4, 0.011)
-    other = learned([0] * 6 + [280] * 5, 0.1)
-
-    assert clearest([other, None, same, best], step_deg) is best.picture
-    assert clearest([best, replace(other, unexplained=0.015)], step_deg) is None
-    assert clearest([None], step_deg) is None
-
-
 @pytest.mark.parametrize("turn_deg", [25.0, 271.0])
 def test_bug_on_the_card_does_not_pull(reader: PanelReader, turn_deg: float) -> None:
     """A bright bug beside the index moves nothing."""
@@ -220,6 +200,23 @@ def test_marks_that_match_other_marks_do_not_hide_that_the_centre_is_beside_the_
     settings_deg = (40.0, 220.0, 140.0)
     card = {**CARD, "centre": (np.array(CENTRE) + beside_px).tolist(), "radius": [42, 72]}
     turns_deg = np.repeat(settings_deg, (5, 6, 5)).tolist()
+    frames = [draw(turn_deg, 500 + seed) for seed, turn_deg in enumerate(turns_deg)]
+    fitted = fit_to_flight(reader_for([card], draw(PANEL_TURN_DEG, 1)), lambda _: frames)
+
+    for turn_deg in settings_deg:
+        status, off, _ = off_deg(fitted.reader, draw(turn_deg, 19), turn_deg)
+        assert status is Status.READ
+        assert off < 0.5
+
+
+@pytest.mark.parametrize("beside_px", [(0.7, -0.6), (-1.2, 1.7)], ids=["1 %", "3 %"])
+@pytest.mark.parametrize("settings_deg", [(40.0, 345.0, 205.0), (255.0, 145.0, 355.0, 225.0), (180.0, 270.0, 150.0)])
+def test_ring_of_little_but_marks_is_never_read_a_numeral_off(
+    settings_deg: tuple[float, ...], beside_px: tuple[float, float]
+) -> None:
+    """Marks match marks at every tenth degree; only the feet of numerals, turned by all frames alike, tell the turn."""
+    card = {**CARD, "centre": (np.array(CENTRE) + beside_px).tolist(), "radius": [44, 72]}
+    turns_deg = np.repeat(settings_deg, 5).tolist()
     frames = [draw(turn_deg, 500 + seed) for seed, turn_deg in enumerate(turns_deg)]
     fitted = fit_to_flight(reader_for([card], draw(PANEL_TURN_DEG, 1)), lambda _: frames)
 

@@ -13,14 +13,11 @@ smeared out by that, and shows where the frames differ from the card.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import chain
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
@@ -35,6 +32,7 @@ from decoder.instruments.appearance import (
     Still,
     needles_in_picture,
 )
+from decoder.instruments.kinds.dials.common_turns import common_turns
 from decoder.instruments.needle_lines import places_of
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
@@ -46,10 +44,16 @@ from decoder.instruments.thresholds import (
     STILL_ROWS,
     SURE_SCORE,
 )
-from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
-from decoder.matching.pivot_search import card_pivot
+from decoder.matching.correlation import (
+    Spectrum,
+    explained,
+    is_singular,
+    products,
+    weighted_correlation,
+)
+from decoder.matching.pivot_search import CARD_ROW_DEG, card_pivot, card_rings
 from decoder.matching.strips import rows_between
-from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS, MIN_VIEWS
+from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
@@ -61,13 +65,9 @@ FIT_STEPS = 3
 # Another match this far away is a rival; nearer, it is the same peak.
 RIVAL_REACH_DEG = 8.0
 ROUNDS = 3
-MORE_STARTS = 4
-WAYS = 4
 # Waves per turn: light on a dial has this many at most, marks have more. In other people's pictures of a compass, 2 and
 # 12 give the same readings.
 SHADING_WAVES = 4
-
-Spectrum = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,15 +128,6 @@ class CardReader:
         shown = np.where(hidden, np.float32(0.0), self._picture.weights)
         row, sigma_rows, score = self._fitted(seen, around.rows, shown)
         return Turn(row, sigma_rows, score, around.is_alone)
-
-    def likely_rows(self, seen: Floats, count: int) -> list[int]:
-        """List the turns at which one turn of a dial (P, C) matches best, best first."""
-        scores, reach = self._scores(seen), round(RIVAL_REACH_DEG / self._grid.step_deg)
-        found: list[int] = []
-        while len(found) < count:
-            found.append(int(scores.argmax()))
-            scores[np.arange(found[-1] - reach, found[-1] + reach + 1) % len(scores)] = -1.0
-        return found
 
     def pivot(self, strips: Sequence[UnwrappedGauge]) -> Pivot:
         """Estimate where the card turns, relative to the point it is unwrapped around, from F frames (R, C).
@@ -283,24 +274,17 @@ def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
     return np.asarray(there)
 
 
-def far_card_pivot(
-    gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], least_score: float
-) -> tuple[float, float] | None:
+def far_card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
     """Search for a card's pivot with `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
 
-    Below `least_score` a frame does not show the panel picture's card around the drawn centre.
-
-    On a card that stands still, whatever moves over it would be taken for the card. One that is set by hand stands at
-    few places, but these are far apart; or it is not found there, around a centre that is far off.
+    It must be clear how most frames have turned around it, or whatever moves over a card that stands still is taken
+    for the card.
     """
-    if not strips:
+    found = card_pivot(grid, strips)
+    if found is None:
         return None
-    reader = CardReader(gauge, grid, first_card(strips[0], grid))
-    turns = [reader.turn(strip) for strip in strips]
-    turns_deg = shortest(np.array([turn.rows for turn in turns]) * grid.step_deg, FULL_CIRCLE_DEG)
-    is_lost = np.array([turn.score for turn in turns]) < least_score
-    elsewhere = int((is_lost | (np.abs(turns_deg) >= MIN_TURN_DEG)).sum())
-    return card_pivot(grid, strips) if elsewhere >= MIN_VIEWS or places_of(turns_deg.tolist()) > MIN_PLACES else None
+    turns = common_turns(card_rings(grid, strips, found), round(RIVAL_REACH_DEG / CARD_ROW_DEG))
+    return found if turns.clear.mean() >= HALF else None
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:
@@ -327,83 +311,31 @@ def _slow_waves(rows: int) -> Floats:
 def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], given: CardPicture) -> CardPicture:
     """Learn the card from frames (R, C) in the panel picture's light; return it as given if they do not suffice.
 
-    Starting from the panel picture's card, frames turned far from it may be taken for others that look alike. What is
-    learned then is no card, or one printed twice. So frames must share most of the result, it must match the panel
-    picture at one place only, and where frames matched several places, each is tried, and one has to explain all frames
-    clearly better than the rest. If none does, learning starts again from the card of a frame.
+    A frame taken for another that looks alike would teach no card, or one printed twice. So frames are turned back by
+    the turns on which all of them agree, and those for which another turn is nearly as likely are left out. The rest
+    must share most of the result, and it must match the panel picture at one place only.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
-    others = (CardPicture(lit[index], given.weights) for index in _apart(len(lit), MORE_STARTS))
-    for start in chain([given], others):
-        known = clearest(
-            [_learned_from(each, gauge, grid, lit) for each in _ways(start, gauge, grid, lit)], grid.step_deg
-        )
-        if known is None:
-            continue
-        off = CardReader(gauge, grid, known).lit_turn(given.card)
-        is_shared = float(known.weights.mean()) >= HALF
-        if is_shared and off.score >= LIKELY_SCORE and off.is_alone:
-            return CardPicture(turned(known.card, off.rows), known.weights)
-    return given
-
-
-def _ways(start: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Floats]) -> Iterator[CardPicture]:
-    """Yield the card, and what it may be if the worst-matching frame is turned back by each of its likely turns."""
-    yield start
-    reader = CardReader(gauge, grid, start)
-    least = min(lit, key=lambda seen: reader.lit_turn(seen).score, default=None)
-    if least is None or reader.lit_turn(least).is_alone:
-        return
-    for rows in reader.likely_rows(least, WAYS):
-        yield CardPicture((start.card + turned(least, -rows)) / 2, start.weights)
-
-
-@dataclass(frozen=True, slots=True)
-class Learned:
-    """A card, the turns of the frames relative to it in rows, and the part of their variance left unexplained."""
-
-    picture: CardPicture
-    rows: Floats
-    unexplained: float
-
-    def agrees(self, other: Learned, step_deg: float) -> bool:
-        """Whether both turn all frames alike, except too few to teach a card; a row is `step_deg` degrees."""
-        apart_deg = (self.rows - other.rows) * step_deg
-        others_deg = shortest(apart_deg[:, None] - apart_deg, FULL_CIRCLE_DEG)
-        is_alike = np.isclose(others_deg, 0.0, atol=RIVAL_REACH_DEG)
-        return bool((np.count_nonzero(~is_alike, axis=1) < FRAMES_TO_LEARN).any())
-
-
-def clearest(learned: Sequence[Learned | None], step_deg: float) -> CardPicture | None:
-    """Return the card that explains frames clearly better than those that turn them differently; None if none does.
-
-    A row of the cards is `step_deg` degrees.
-    """
-    found = sorted((each for each in learned if each is not None), key=lambda each: each.unexplained)
-    rivals = [each for each in found[1:] if not each.agrees(found[0], step_deg)]
-    if not found or (rivals and rivals[0].unexplained < CLEARLY_WORSE * found[0].unexplained):
-        return None
-    return found[0].picture
-
-
-def _learned_from(known: CardPicture, gauge: Gauge, grid: PolarGrid, lit: Sequence[Floats]) -> Learned | None:
-    """Learn the card in several rounds; None if too few frames match, or the card hardly turns."""
+    if len(lit) < FRAMES_TO_LEARN:
+        return given
+    turns = common_turns(np.stack(lit), round(RIVAL_REACH_DEG / grid.step_deg))
+    views = [
+        (seen, rows) for seen, rows, is_clear in zip(lit, turns.rows.tolist(), turns.clear, strict=True) if is_clear
+    ]
+    if len(views) < FRAMES_TO_LEARN or arc_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
+        return given
+    known, turned_rows = shared(views), np.array([rows for _, rows in views])
     for _ in range(ROUNDS):
         reader = CardReader(gauge, grid, known)
-        found = [(seen, reader.lit_turn(seen)) for seen in lit]
-        views = [(seen, turn.rows) for seen, turn in found if turn.score >= LIKELY_SCORE]
-        if len(views) < FRAMES_TO_LEARN or arc_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
-            return None
-        known = shared(views, known.weights)
-    reader = CardReader(gauge, grid, known)
-    turns = [reader.lit_turn(seen) for seen in lit]
-    unexplained = float(np.mean([1.0 - turn.score**2 for turn in turns]))
-    return Learned(known, np.array([turn.rows for turn in turns]), unexplained)
-
-
-def _apart(count: int, wanted: int) -> list[int]:
-    """Choose `wanted` indices out of `count`, spread evenly."""
-    return [count * (2 * index + 1) // (2 * wanted) for index in range(min(count, wanted))]
+        found = [reader.lit_turn(seen) for seen, _ in views]
+        off_deg = shortest((np.array([turn.rows for turn in found]) - turned_rows) * grid.step_deg, FULL_CIRCLE_DEG)
+        if (np.abs(off_deg) > RIVAL_REACH_DEG).any():
+            return given
+        known = shared([(seen, turn.rows) for (seen, _), turn in zip(views, found, strict=True)], known.weights)
+    off = CardReader(gauge, grid, known).lit_turn(given.card)
+    if float(known.weights.mean()) < HALF or off.score < LIKELY_SCORE or not off.is_alone:
+        return given
+    return CardPicture(turned(known.card, off.rows), known.weights)
 
 
 def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None = None) -> CardPicture:
@@ -485,7 +417,7 @@ class CardKind(Still):
     def far_pivot(
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
-        return far_card_pivot(instrument.gauge, instrument.grid, strips, SCORE_THRESHOLD)
+        return far_card_pivot(instrument.grid, strips)
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

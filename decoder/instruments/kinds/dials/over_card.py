@@ -642,5 +642,4 @@ class OverCardKind(Still):
     ) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
-        # Needles hide some of a card that they have not been told from yet.
-        return far_card_pivot(instrument.gauge, dial.card_grid, parts, LIKELY_SCORE)
+        return far_card_pivot(dial.card_grid, parts)
