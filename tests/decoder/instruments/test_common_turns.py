@@ -66,6 +66,17 @@ def test_card_without_numerals_is_never_clear(turns: list[int]) -> None:
     assert not common_turns(frames_of(printed(3, numerals=False), turns, 5), REACH).clear.any()
 
 
+def test_light_that_fades_during_a_flight_makes_no_turn_doubtful() -> None:
+    """The last frames have less than half of the first ones' contrast."""
+    turns = [0, 0, 60, 60, 150, 150]
+    frames = frames_of(printed(3), turns, 5)
+    frames[3:] = 10.0 + 0.4 * frames[3:]
+    found = common_turns(frames, REACH)
+
+    assert found.clear.all()
+    assert ((found.rows - found.rows[0]) % ROWS).tolist() == turns
+
+
 def test_frame_that_shows_no_card_is_left_out() -> None:
     """A hand hides one frame's card; the others are clear without it."""
     turns = [0, 40, 95, 170, 260]

@@ -17,6 +17,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import ROUNDING, changing, noise_between, turned_correlation
 from decoder.panel.arrays import Floats, Indices, Mask
+from decoder.registration.thresholds import MIN_SPREAD_LEVELS
 
 SWEEPS = 5
 RIVALS = 4
@@ -37,6 +38,7 @@ def common_turns(pictures: Floats, reach: int) -> CommonTurns:
     A turn further away than `reach` rows is another one. The least clear pictures are left out until all others are
     clear, since a wrong turn makes others look right.
     """
+    pictures = _in_one_light(pictures)
     noise_levels = noise_between(pictures)
     scores, weights = turned_correlation(pictures, noise_levels), changing(pictures, noise_levels)
     settings = _settings(scores, reach)
@@ -53,6 +55,14 @@ def common_turns(pictures: Floats, reach: int) -> CommonTurns:
             break
         del settings[int(np.argmin(clearness))]
     return CommonTurns(rows, clear)
+
+
+def _in_one_light(pictures: Floats) -> Floats:
+    """Bring pictures (F, P, C) to one mean and one spread, which do not change as a card turns."""
+    means, spreads = (each(pictures, axis=(1, 2), keepdims=True) for each in (np.mean, np.std))
+    gains = np.median(spreads) / np.maximum(spreads, MIN_SPREAD_LEVELS)
+    lit: Floats = (np.median(means) + gains * (pictures - means)).astype(np.float32)
+    return lit
 
 
 def _settings(scores: Floats, reach: int) -> list[dict[int, int]]:
