@@ -123,9 +123,10 @@ def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vec
 
 def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
     """Choose frames that differ most from each other; those in which nothing has moved tell nothing of what turns."""
-    chosen = [0] if strips else []
-    apart = np.full(len(strips), np.inf)
-    while 0 < len(chosen) < MOST_CARD_FRAMES:
+    if not strips:
+        return []
+    chosen, apart = [0], np.full(len(strips), np.inf)
+    for _ in range(1, MOST_CARD_FRAMES):
         apart = np.minimum(apart, [float(np.square(strip - strips[chosen[-1]]).mean()) for strip in strips])
         if apart.max() <= NOISE_LEVELS**2:
             break
@@ -155,7 +156,8 @@ class _Rings:
     def of(cls, grid: PolarGrid, strips: Sequence[UnwrappedGauge], margin_px: float) -> Self:
         """Leave out a margin at either edge, so that all frames show all of the ring around a centre that near."""
         radii_px = np.linspace(grid.inner_px + margin_px, grid.radii_px[-1] - margin_px, CARD_COLUMNS)
-        wide = max(1, round(CARD_ROW_DEG / grid.step_deg / 2)), max(1, round(len(grid.radii_px) / CARD_COLUMNS / 2))
+        spans = CARD_ROW_DEG / grid.step_deg, len(grid.radii_px) / CARD_COLUMNS
+        wide = [max(1, round(span / 2)) for span in spans]
         blurred = [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips]
         return cls(grid, blurred, np.radians(np.arange(0.0, FULL_CIRCLE_DEG, CARD_ROW_DEG)), radii_px)
 

@@ -329,7 +329,7 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
         reader = CardReader(gauge, grid, known)
         found = [reader.lit_turn(seen) for seen, _ in views]
         off_deg = shortest((np.array([turn.rows for turn in found]) - turned_rows) * grid.step_deg, FULL_CIRCLE_DEG)
-        if (np.abs(off_deg) > RIVAL_REACH_DEG).any():
+        if not np.isclose(off_deg, 0.0, atol=RIVAL_REACH_DEG).all():
             return given
         known = shared([(seen, turn.rows) for (seen, _), turn in zip(views, found, strict=True)], known.weights)
     off = CardReader(gauge, grid, known).lit_turn(given.card)

@@ -14,8 +14,9 @@ from typing import Self
 import numpy as np
 
 from decoder.imaging.thresholds import HALF
-from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
+from decoder.instruments.thresholds import SURE_SCORE
 from decoder.matching.correlation import ROUNDING, changing, noise_between, turned_correlation
+from decoder.matching.thresholds import MUCH_BETTER
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS
 
@@ -26,7 +27,7 @@ STARTS = 8
 
 @dataclass(frozen=True, slots=True)
 class CommonTurns:
-    """How far F frames have turned, in rows, and whether any other turn explains them clearly worse."""
+    """How far F frames have turned, in rows, and whether any other turn is clearly further off."""
 
     rows: Indices
     clear: Mask
@@ -47,13 +48,13 @@ def common_turns(pictures: Floats, reach: int) -> CommonTurns:
         search = _Search.of(scores, settings, reach)
         found = search.best()
         views = _Views.of(pictures[search.first], weights, found.tolist(), search.frames, noise_levels)
-        clearness = [views.clearness(number, search.rivals(number, found)) for number in range(len(settings))]
-        if min(clearness) > CLEARLY_WORSE:
+        parts = [views.part_of_rivals(number, search.rivals(number, found)) for number in range(len(settings))]
+        if max(parts) < MUCH_BETTER:
             for setting, row in zip(settings, found, strict=True):
                 frames = list(setting)
                 rows[frames], clear[frames] = row + np.array(list(setting.values())), True
             break
-        del settings[int(np.argmin(clearness))]
+        del settings[int(np.argmax(parts))]
     return CommonTurns(rows, clear)
 
 
@@ -134,7 +135,7 @@ class _Search:
     def rivals(self, setting: int, rows: Indices) -> list[int]:
         """List the rows of the other turns at which a setting matches all others best."""
         scores, found = self._against_others(rows)[setting], [int(rows[setting])]
-        while len(found) <= RIVALS:
+        for _ in range(RIVALS):
             scores[self._near(found[-1])] = -1.0
             found.append(int(scores.argmax()))
         return found[1:]
@@ -188,20 +189,20 @@ class _Views:
             seen, cards, shown > HALF * (1.0 - frames / frames.sum())[:, None, None], weights > HALF, rows, noise_levels
         )
 
-    def clearness(self, setting: int, rivals: Sequence[int]) -> float:
-        """Return how many times more of a picture its own turn explains better than the best of other turns does.
+    def part_of_rivals(self, setting: int, rivals: Sequence[int]) -> float:
+        """Return how far off a picture the card is at its own turn, as a part of how far off at the best of others.
 
         Regular marks match at many turns, so pixels count by how much the card would differ there. What lies over the
-        card is far off with any turn, so they count by which turn is nearer, not by how far off it is.
+        card is far off at any turn, so distances count, not their squares.
         """
         seen, known, card = self.seen[setting], self.known[setting], self.cards[setting]
 
         def compared(row: int) -> float:
             own, other = (np.roll(card, turn, axis=0) for turn in (self.rows[setting], row))
             shown = self.moves & np.roll(known, self.rows[setting], axis=0) & np.roll(known, row, axis=0)
-            counts = shown * (other - own) ** 2
-            noise = self.noise_levels**2 * max(int(shown.sum()), 1)
-            nearer = float((counts * (np.abs(seen - own) < np.abs(seen - other))).sum())
-            return (nearer + noise) / (float(counts.sum()) - nearer + noise)
+            counts = shown * np.abs(other - own)
+            noise = self.noise_levels * max(float(counts.sum()), 1.0)
+            off, own_off = (float((counts * np.abs(seen - each)).sum()) + noise for each in (other, own))
+            return own_off / off
 
-        return min(map(compared, rivals))
+        return max(map(compared, rivals))
