@@ -26,9 +26,9 @@ from decoder.matching.thresholds import FACE_NOISE_LEVELS, MAX_CONDITION, OUTLIE
 from decoder.panel.arrays import Floats, Mask, limited
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
-EVERY = 4  # pixels; this subset gives the median as well
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
+EVERY = 4  # pixels; this subset gives the median as well
 ROUNDING = np.finfo(np.float32).eps  # keeps a division by a total weight of zero finite
 
 

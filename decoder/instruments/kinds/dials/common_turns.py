@@ -27,7 +27,7 @@ STARTS = 8
 
 @dataclass(frozen=True, slots=True)
 class CommonTurns:
-    """How far F frames have turned, in rows, and whether any other turn is clearly further off."""
+    """How far F frames have turned, in rows, and whether every other turn of theirs explains them clearly worse."""
 
     rows: Indices
     clear: Mask
