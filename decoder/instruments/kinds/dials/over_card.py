@@ -51,7 +51,7 @@ from decoder.instruments.kinds.dials.card import (
     turned,
 )
 from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
-from decoder.instruments.kinds.dials.tip_or_tail import left_both_ways
+from decoder.instruments.kinds.dials.tip_or_tail import BENT_DEG, FOUND_DEG, Facing, View, facing
 from decoder.instruments.needle_learner import NeedleLearner
 from decoder.instruments.reading import ANYWHERE, Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Part, Samples, SeenGauge
@@ -63,7 +63,7 @@ from decoder.instruments.thresholds import (
     MIN_TURN_DEG,
     NEEDLE_PART,
 )
-from decoder.matching.correlation import normxcorr
+from decoder.matching.correlation import normxcorr, partial_normxcorr
 from decoder.matching.faces import learn_face
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
@@ -203,22 +203,14 @@ class _Dial:
         part[(where + self.rows // 2) % self.rows, :tail] = rows[:, :tail][:, ::-1]
         return self.whole(part)
 
-    def pointed(
-        self, seen: UnwrappedGauge, face: UnwrappedGauge, template: NeedleTemplate, reading: Reading
-    ) -> Reading:
-        """Reverse a needle with a tail that clearly points the other way; it is missing if it may point either way.
+    def facing(self, view: View, template: NeedleTemplate, angle_deg: float, beside_deg: float = FOUND_DEG) -> Facing:
+        """Tell a needle's tip from its tail."""
+        return facing(view, template, self.grid, round(row_of_angle(self.grid, angle_deg)), beside_deg)
 
-        Reversed, it was not fitted: it is `edge`. `seen` and `face` are gauges (R, C), turned back.
-        """
-        if reading.status is Status.MISSING or not self.grid.tail_columns:
-            return reading
-        own, reverse = left_both_ways(seen, face, template, self.grid, row_of_angle(self.grid, reading.angle_deg))
-        if CLEARLY_WORSE * own < reverse:
-            return reading
+    def opposite_deg(self, angle_deg: float) -> float:
+        """Return the angle half a turn on."""
         first_deg = self.grid.angle_deg(0)
-        opposite_deg = first_deg + (reading.angle_deg + FULL_CIRCLE_DEG / 2 - first_deg) % FULL_CIRCLE_DEG
-        status = Status.EDGE if CLEARLY_WORSE * reverse < own else Status.MISSING
-        return replace(reading, status=status, angle_deg=opposite_deg if reverse < own else reading.angle_deg)
+        return first_deg + (angle_deg + FULL_CIRCLE_DEG / 2 - first_deg) % FULL_CIRCLE_DEG
 
     def hidden(self, templates: Mapping[str, NeedleTemplate], found: Mapping[str, Reading], rows: float) -> Mask:
         """(P, C): where needles found in the card's frame hide a card that has turned by `rows`."""
@@ -247,12 +239,15 @@ class _Seen:
         By how much the gauge was turned back to find needles, and the result, (R, C).
     found
         By needle, in the card's frame.
+    likely
+        The same, but with the more likely end of a needle as its tip where that is not clear.
     """
 
     turn: Turn
     back_rows: float
     back: UnwrappedGauge
     found: Mapping[str, Reading]
+    likely: Mapping[str, Reading]
 
     def at_deg(self, name: str, step_deg: float) -> float:
         """Return a needle's angle on the dial."""
@@ -261,6 +256,12 @@ class _Seen:
     def turned_deg(self, step_deg: float) -> float:
         """Return the card's turn."""
         return self.turn.rows * step_deg
+
+
+def _view(dial: _Dial, picture: OverCardPicture, back: UnwrappedGauge, turned_rows: float) -> View:
+    """Return what a gauge (R, C) that was turned back by so many rows shows of card and needles."""
+    shown = np.roll(~picture.over, -round(turned_rows), axis=0).astype(np.float32)
+    return View(back, picture.face, dial.whole(shown))
 
 
 class OverCardReader:
@@ -304,16 +305,49 @@ class OverCardReader:
         told = zip(parts, first, backs, found, strict=True)
         return [
             # Whichever way round a needle points, it hides the card along the same line.
-            _Seen(self._turn_without(part, turn, own), turn.rows, back, self._pointed(back, own))
+            _Seen(self._turn_without(part, turn, own), turn.rows, back, *self._pointed(back, turn.rows, own))
             for part, turn, back, own in told
         ]
 
-    def _pointed(self, back: UnwrappedGauge, found: Mapping[str, Reading]) -> dict[str, Reading]:
-        picture = self._picture
-        return {
-            name: self._dial.pointed(back, picture.face, picture.templates[name], reading)
-            for name, reading in found.items()
-        }
+    def _pointed(
+        self, back: UnwrappedGauge, turned_rows: float, found: Mapping[str, Reading]
+    ) -> tuple[dict[str, Reading], dict[str, Reading]]:
+        """Point needles to where their tips are: missing where that is not clear, and as is more likely."""
+        clear, likely = dict(found), dict(found)
+        if self._dial.grid.tail_columns:
+            for name, reading in found.items():
+                clear[name], likely[name] = self._towards_tip(back, turned_rows, name, reading)
+        return clear, likely
+
+    def _towards_tip(
+        self, back: UnwrappedGauge, turned_rows: float, name: str, reading: Reading
+    ) -> tuple[Reading, Reading]:
+        """Do so for one needle, which may be missing because it resembles its own reverse."""
+        is_found = reading.status is not Status.MISSING
+        if not is_found and (reading.score < SCORE_THRESHOLD or not self._lies_alone(back, name, reading)):
+            return reading, reading
+        view = _view(self._dial, self._picture, back, turned_rows)
+        beside_deg = FOUND_DEG if is_found else BENT_DEG
+        towards = self._dial.facing(view, self._picture.templates[name], reading.angle_deg, beside_deg)
+        if is_found and towards.ahead >= 0.0:
+            likely = clear = reading
+        else:  # fitted as its reverse, or about as well
+            at_deg = reading.angle_deg if towards.ahead >= 0.0 else self._dial.opposite_deg(reading.angle_deg)
+            sigma_deg = math.hypot(reading.sigma_deg, (1 + abs(towards.beside_rows)) * self._dial.grid.step_deg)
+            likely = replace(reading, status=Status.READ if is_found else Status.EDGE, angle_deg=at_deg)
+            clear = replace(likely, status=Status.EDGE, sigma_deg=sigma_deg)
+        return clear if towards.is_clear else replace(likely, status=Status.MISSING), likely
+
+    def _lies_alone(self, back: UnwrappedGauge, name: str, reading: Reading) -> bool:
+        """Whether a needle matches no other line through the centre nearly as well, one way or the other."""
+        dial, template, face = self._dial, self._picture.templates[name], self._picture.face
+        rows = np.arange(dial.rows + template.rows - 1) % dial.rows
+        scores, _ = partial_normxcorr(back[rows], face[rows], template)
+        axis_row = row_of_angle(dial.grid, reading.angle_deg) - (template.rows - 1) // 2
+        on = np.maximum(scores, 0.0)
+        beside = np.abs(shortest(np.arange(dial.rows) - axis_row, dial.rows / 2))
+        rival = float(on[beside > template.rows].max(initial=0.0))
+        return CLEARLY_WORSE * (1.0 - reading.score**2) < 1.0 - rival**2
 
     def _as_shown(self, name: str, reading: Reading, turn: Turn) -> Reading:
         """Increase a needle's sigma by the part of its width that is hidden by what stands still over the card."""
@@ -403,13 +437,27 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
             return replace(given, best_status={**unmoved, **given.best_status})
         unmoved = dict.fromkeys(_unmoved(dial, known, seen), Status.EDGE)
         usual = np.median([each.back for each in seen], axis=0)
-        views = [(dial.in_light(usual, each.back), each.found) for each in seen]
+        views = [(dial.in_light(usual, each.back), each.likely) for each in seen]
         if number == 0:
             known, apart = _bared(dial, known, [back for back, _ in views], [each.turn.rows for each in seen])
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
             given = known
         known = _learned(dial, given, known, views)
-    return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status={**unmoved, **known.best_status})
+    reversed_ = dict.fromkeys(_reversed_since_drawn(dial, known), Status.MISSING)
+    best_status = {**unmoved, **known.best_status, **reversed_}
+    return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status=best_status)
+
+
+def _reversed_since_drawn(dial: _Dial, known: OverCardPicture) -> Iterator[str]:
+    """List learned needles that do not clearly point in the panel picture to where they were cut from it.
+
+    Frames tell each other which end is the tip; which of both ways is right, the panel picture tells.
+    """
+    for needle in dial.gauge.turning:
+        if needle.at_deg is not None and dial.grid.tail_columns:
+            drawn = dial.facing(_view(dial, known, known.drawn, 0.0), known.templates[needle.name], needle.at_deg)
+            if not drawn.is_clear or drawn.ahead < 0.0:
+                yield needle.name
 
 
 def _unmoved(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> Iterator[str]:
@@ -520,8 +568,8 @@ def _bared(
         there = face_behind(face, dial.grid, needle.at_deg, cut.rows)
         templates[needle.name] = layer_over(rows_at(picture, axis_rows), there, cut.step_deg)
     bared = replace(given, face=face, templates=templates, best_status=best_status)
-    bare = (np.where(is_shown, back, face) for back, is_shown in zip(backs, shown, strict=True))
-    return bared, [_found_apart(dial, bared, back) for back in bare]
+    bare = [np.where(is_shown, back, face) for back, is_shown in zip(backs, shown, strict=True)]
+    return bared, [_found_apart(dial, bared, _view(dial, bared, *each)) for each in zip(bare, turns_rows, strict=True)]
 
 
 def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
@@ -532,13 +580,13 @@ def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tupl
     return ways[int(np.argmin(left))]
 
 
-def _found_apart(dial: _Dial, known: OverCardPicture, back: UnwrappedGauge) -> dict[str, Reading]:
-    """Find needles distinguished from marks: where a gauge (R, C) differs from the bare card as the panel picture does.
+def _found_apart(dial: _Dial, known: OverCardPicture, view: View) -> dict[str, Reading]:
+    """Find needles distinguished from marks: where a gauge differs from the bare card as the panel picture does.
 
     One picture does not show how a needle looks over other marks, only where it changes the card.
     """
     grid, found = dial.grid, {}
-    left = np.abs(back - known.face)
+    left = np.abs(view.seen - known.face)
     for needle in dial.gauge.turning:
         if needle.name in known.best_status or needle.at_deg is None:
             continue
@@ -547,12 +595,17 @@ def _found_apart(dial: _Dial, known: OverCardPicture, back: UnwrappedGauge) -> d
         there = np.abs(cut.pixels - face_behind(known.face, grid, needle.at_deg, cut.rows))
         scores = normxcorr(left, there, np.ones_like(there))[: dial.rows]
         best = int(scores.argmax())
-        rival = np.roll(scores, -best)[cut.rows : -cut.rows].max(initial=0.0)
+        rivals = np.roll(scores, -best)
+        if grid.tail_columns:  # which end is the tip is told below
+            rivals[(dial.rows - cut.rows) // 2 : (dial.rows + cut.rows) // 2] = 0.0
+        rival = rivals[cut.rows : -cut.rows].max(initial=0.0)
         is_sure = scores[best] >= LIKELY_SCORE and CLEARLY_WORSE * rival**2 < scores[best] ** 2
         status = Status.READ if is_sure else Status.MISSING
         reading = Reading(status, grid.angle_deg(best + axis), grid.step_deg, float(scores[best]))
-        reading = dial.pointed(back, known.face, cut, reading)
-        found[needle.name] = replace(reading, status=Status.READ) if reading.status is Status.EDGE else reading
+        # Which end is the tip will be clear once it is learned from all frames.
+        if is_sure and grid.tail_columns and dial.facing(view, cut, reading.angle_deg).ahead < 0.0:
+            reading = replace(reading, angle_deg=dial.opposite_deg(reading.angle_deg))
+        found[needle.name] = reading
     return found
 
 
