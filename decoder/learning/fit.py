@@ -108,6 +108,14 @@ class FittedReader:
                 f" {'above' if y < 0 else 'below'} the drawn centre, corrected"
                 f"{' with its marks: draw it there with `decode setup`' if self.has_points else '; its marks stay'}"
             )
+        for needle in gauge.turning:
+            own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
+            if template is not None and own.beside_deg > own.drawn_deg:
+                way = "clockwise" if template.beside_deg > 0.0 else "anticlockwise"
+                yield (
+                    f"{needle.name} lies {abs(template.beside_deg):.1f} degrees {way} of where it is drawn: sigma allows"
+                    " for that; draw it on its middle with `decode setup`"
+                )
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
         if off_deg > 3 * math.degrees(MOST_MARK_PART):  # beyond what a careless hand misses marks by
             yield (
@@ -127,7 +135,7 @@ class FittedReader:
 
     def allowed_sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): the part of that which is an allowance, not estimated from this panel or flight."""
-        return np.full_like(angles_deg, self.uncertainties[name].seen_deg)
+        return np.full_like(angles_deg, self.uncertainties[name].allowed_deg)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,9 @@ from decoder.registration.thresholds import CERTAIN_SIGMAS
 # Marks are drawn more precisely than centres, because a mark is a visible line while a pivot lies under a cap: their
 # error is this part of the centres' error, limited to a part of the radius (`MOST_MARK_PART`).
 MARK_PART = 1 / 3
+# The part of the way from where a needle is drawn to its middle that the hand missed; the rest is that needles are not
+# symmetrical or stand above their marks. About 1 on photographs, about 0 on simulators.
+MIDDLE_PART = 0.7
 # Height of needles above their marks, in radii: 0.05 inches on a dial with a radius of 1.25 inches.
 NEEDLE_HEIGHT_PART = 0.04
 # Tangent of the usual viewing angle, as a minimum: a camera as far from a panel as it is wide sees its edges at 0.5.
@@ -73,6 +76,9 @@ class QuantityUncertainty:
         a wrong pivot on its two halves cancel.
     scale
         Its marks; None where it is read all around, so that no angle lies beyond them.
+    beside_deg
+        From how far a needle's middle lies beside where it is drawn: an allowance only, since nothing in a flight shows
+        which of both is where it points to.
     """
 
     drawn_deg: float
@@ -84,6 +90,12 @@ class QuantityUncertainty:
     rim_px: float
     zero_deg: float | None
     scale: Scale | None = None
+    beside_deg: float = 0.0
+
+    @property
+    def allowed_deg(self) -> float:
+        """The part of the uncertainty that is an allowance, not estimated from this panel or flight."""
+        return math.hypot(self.seen_deg, self.beside_deg)
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
         """(N,): the standard uncertainty of readings at these angles."""
@@ -98,7 +110,7 @@ class QuantityUncertainty:
                 drawn_deg = np.hypot(drawn_deg, np.nan_to_num(self.scale.bends_deg(angles_deg)))
             pivot_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
         return {
-            Cause.DRAWN: drawn_deg,
+            Cause.DRAWN: np.hypot(drawn_deg, self.beside_deg),
             Cause.PIVOT: pivot_deg,
             Cause.VIEWED: np.full_like(angles_deg, self.seen_deg),
             Cause.PLACED: np.full_like(angles_deg, math.degrees(self.place_px / self.radius_px)),
@@ -179,7 +191,8 @@ def quantity_uncertainties(
             if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[name] = as_written
             elif name in needles:
-                uncertainties[name] = _of_needle(as_needle, gauge, quantity, care_part, is_mistaken=name in mistaken)
+                own = _of_needle(as_needle, gauge, quantity, care_part, is_mistaken=name in mistaken)
+                uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
                 uncertainties[name] = _of_shift(as_card, path) if quantity.is_shift else as_card
     return uncertainties
@@ -202,6 +215,15 @@ def _of_needle(
         zero_deg=(first_deg + last_deg) / 2 if zero_deg is None else zero_deg,
         scale=None if quantity.wraps is not None else Scale.of(quantity.marks),
     )
+
+
+def _beside_middle(
+    dial: QuantityUncertainty, gauge: Gauge, name: str, templates: Mapping[str, NeedleTemplate]
+) -> QuantityUncertainty:
+    """Allow for most of how far a needle's middle lies beside where it is drawn, if it was cut from the picture."""
+    if name not in templates or any(each.name == name and each.at_deg is None for each in gauge.turning):
+        return dial
+    return replace(dial, beside_deg=MIDDLE_PART * abs(templates[name].beside_deg))
 
 
 def _of_card(

@@ -6,6 +6,7 @@ rows are angle around the needle's axis, an odd number of them, the axis in the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -14,7 +15,7 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.imaging.sorting import median_of
+from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.matching.thresholds import OUTLINE_PART
 from decoder.panel.arrays import Floats
@@ -92,10 +93,41 @@ class NeedleTemplate:
         return self.place(OUTLINE_PART)
 
     @cached_property
+    def beside_deg(self) -> float:
+        """By how many degrees the needle's middle line lies beside its axis, as far as that is clear.
+
+        The line is halfway between both edges, and so is known for a needle with the same outline on both sides. Where
+        columns disagree about it, the outline is another, and it counts for less. A line in the outer half of either
+        side is not the middle of what was meant as the needle: it counts for nothing.
+        """
+        difference, contrast = self._difference
+        clear = contrast >= HALF * contrast.max()
+        clear &= np.maximum(difference[0], difference[-1]) < HALF * contrast
+        level = HALF * contrast
+        first, last = (_first_crossing(each, level) for each in (difference, difference[::-1]))
+        width, middle = (self.rows - 1 - last - first)[clear], ((first + self.rows - 1 - last) / 2)[clear]
+        if not middle.size:
+            return 0.0
+        line = float(median(middle))
+        beside, spread = line - (self.rows - 1) / 2, MAD_TO_SIGMA * float(median(np.abs(middle - line)))
+        if abs(beside) > float(median(width)) / 4:
+            return 0.0
+        return math.copysign(math.sqrt(max(beside**2 - spread**2, 0.0)), beside) * self.step_deg
+
+    @cached_property
     def half_width_deg(self) -> float:
         """Half of the outline's largest extent in angle."""
         rows = np.flatnonzero(self.outline.any(axis=1))
         return float(np.abs(rows - (self.rows - 1) / 2).max()) * self.step_deg if rows.size else 0.0
+
+
+def _first_crossing(profiles: Floats, level: Floats) -> Floats:
+    """Return the fractional row at which profiles (H, C) first rise above their level (C,)."""
+    row = np.argmax(profiles > level, axis=0)
+    columns = np.arange(profiles.shape[1])
+    before, after = profiles[np.maximum(row - 1, 0), columns], profiles[row, columns]
+    crossing: Floats = row - (after - level) / np.maximum(after - before, np.finfo(np.float32).eps)
+    return crossing
 
 
 def odd_rows(span_deg: float, step_deg: float) -> int:

@@ -115,6 +115,31 @@ def test_what_is_cut_beyond_the_tip_and_stands_still_may_be_no_needle(
     assert (fitted.sigma_deg("speed_kt", np.array([250.0]))[0] < 2.0) == is_needle
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("missed_deg", [0.0, 1.2, -1.2])
+def test_needle_drawn_beside_its_middle_is_said_and_allowed_for(missed_deg: float) -> None:
+    """All its readings are off by what the hand missed it by, which its outline shows."""
+
+    def frame(angle_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: dials.Canvas) -> None:
+            canvas.dial([130 + 28 * tick for tick in range(11)])
+            canvas.hand(dials.Hand(tip=60.0), angle_deg)
+
+        return dials.paint(what, seed=seed)
+
+    needle = {"name": "speed_kt", "template": {"at": 250.0 + missed_deg, "span": 16}}
+    gauge = {"name": "dial", "radius": [16, 70], "sweep": [120, 420], "scale": [[130, 0], [410, 100]]}
+    turned_deg = np.random.default_rng(3).uniform(135.0, 405.0, 16).tolist()
+    reader = dials.reader_for([{**gauge, "needles": [needle]}], frame(250.0, 1))
+    fitted = fit_to_flight(reader, lambda _: [frame(each, 10 + seed) for seed, each in enumerate(turned_deg)])
+    drawn_deg = fitted.uncertainties["speed_kt"].parts_deg(AT_DEG)[Cause.DRAWN]
+
+    assert 0.6 * abs(missed_deg) < drawn_deg[0] < 0.6 + abs(missed_deg)
+    way = {0.0: None, 1.2: "1.2 degrees anticlockwise", -1.2: "1.2 degrees clockwise"}[missed_deg]
+    said = [each for each in fitted.findings["dial"] if "where it is drawn" in each]
+    assert [way in each for each in said] == ([] if way is None else [True])
+
+
 def test_all_parts_add_in_squares() -> None:
     """Drawing, place and pivot are independent."""
     pivot = replace(KNOWN, covariance_px2=0.04 * np.eye(2))

@@ -119,3 +119,38 @@ def test_thin_dial_is_every_third_row_and_column_of_the_whole(row: float) -> Non
     thin, whole = (LayeredDial(face(), [template()], step).drawn(rows) for step in (3, 1))
 
     assert thin == pytest.approx(whole[:, ::3, ::3], abs=1e-3)
+
+
+def needle_of(edges: Floats, level: float = 200.0) -> NeedleTemplate:
+    """A needle between two edges (C, 2), in rows from the template's axis, sharp to a fraction of a row."""
+    rows = np.arange(41.0)[:, None] - 20.0
+    covers = np.clip(np.minimum(rows - edges[:, 0], edges[:, 1] - rows) + 0.5, 0.0, 1.0).astype(np.float32)
+    pixels = 20.0 + (level - 20.0) * covers
+    return NeedleTemplate(pixels, pixels, 1.0 - covers, np.ones_like(pixels), 0.5)
+
+
+@given(st.floats(-1.5, 1.5), st.floats(3.0, 6.0), st.floats(1.0, 3.0), st.sampled_from([0.0, 200.0]))
+def test_middle_of_a_needle_with_like_edges_is_known_to_a_fraction_of_a_row(
+    beside_rows: float, root_half: float, tip_half: float, level: float
+) -> None:
+    """Bright or dark, tapered or not."""
+    half = np.linspace(root_half + 3.0, tip_half + 3.0, 24)
+    edges = beside_rows + np.stack([-half, half], axis=1)
+
+    assert needle_of(edges, level).beside_deg == pytest.approx(0.5 * beside_rows, abs=0.06)
+
+
+@given(st.floats(0.5, 3.0), st.floats(6.0, 12.0))
+def test_middle_of_a_needle_with_one_straight_edge_counts_for_less(tip: float, root: float) -> None:
+    """Its middle line is elsewhere at each radius, and says little about where it points to."""
+    far = np.linspace(root, tip, 24)
+    edges = np.stack([np.full(24, -0.5), far], axis=1)
+
+    assert needle_of(edges).beside_deg <= 0.5 * float(np.median(edges.mean(axis=1)))
+
+
+def test_what_lies_beside_the_axis_altogether_is_not_taken_for_the_middle_of_a_needle() -> None:
+    """Whoever drew it meant something else by it."""
+    edges = np.tile([1.0, 7.0], (24, 1))
+
+    assert needle_of(edges).beside_deg == 0.0
