@@ -113,8 +113,8 @@ class FittedReader:
             if template is not None and own.beside_deg > own.drawn_deg:
                 way = "clockwise" if template.beside_deg > 0.0 else "anticlockwise"
                 yield (
-                    f"{needle.name} lies {abs(template.beside_deg):.1f} degrees {way} of where it is drawn: sigma allows"
-                    " for that; draw it on its middle with `decode setup`"
+                    f"{needle.name} lies {abs(template.beside_deg):.1f} degrees {way} of where it is drawn: sigma"
+                    " allows for that; draw its middle line with `decode setup`"
                 )
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
         if off_deg > 3 * math.degrees(MOST_MARK_PART):  # beyond what a careless hand misses marks by
