@@ -74,7 +74,7 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import Pivot
-from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
+from decoder.registration.thresholds import CERTAIN_SIGMAS, LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 3
 NO_PARALLAX = CardParallax()
@@ -443,20 +443,21 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
             views = [(back, {**found, **own}) for (back, found), own in zip(views, apart, strict=True)]
             given = known
         known = _learned(dial, given, known, views)
-    reversed_ = dict.fromkeys(_reversed_since_drawn(dial, known), Status.MISSING)
-    best_status = {**unmoved, **known.best_status, **reversed_}
+    best_status = {**unmoved, **known.best_status, **dict.fromkeys(_either_way(dial, known, seen), Status.MISSING)}
     return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status=best_status)
 
 
-def _reversed_since_drawn(dial: _Dial, known: OverCardPicture) -> Iterator[str]:
-    """List learned needles that do not clearly point in the panel picture to where they were cut from it.
+def _either_way(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> Iterator[str]:
+    """List learned needles that may point either way: in the panel picture, or in most frames in which they are found.
 
     Frames tell each other which end is the tip; which of both ways is right, the panel picture tells.
     """
     for needle in dial.gauge.turning:
         if needle.at_deg is not None and dial.grid.tail_columns:
             drawn = dial.facing(_view(dial, known, known.drawn, 0.0), known.templates[needle.name], needle.at_deg)
-            if not drawn.is_clear or drawn.ahead < 0.0:
+            found = [each for each in frames if each.likely[needle.name].status is not Status.MISSING]
+            clear = sum(each.found[needle.name].status is not Status.MISSING for each in found)
+            if drawn.ahead <= CERTAIN_SIGMAS * drawn.sigma or clear <= HALF * len(found):
                 yield needle.name
 
 

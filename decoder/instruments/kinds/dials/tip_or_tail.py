@@ -14,8 +14,8 @@ from typing import Self
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.needle_search import COARSE_STEP
 from decoder.matching.needle_template import NeedleTemplate
@@ -49,9 +49,8 @@ class Facing:
 
     @property
     def is_clear(self) -> bool:
-        """Whether one way is certainly, and clearly, closer to what is seen than the other."""
-        near, far = sorted(((1.0 - self.ahead) ** 2, (1.0 + self.ahead) ** 2))
-        return CLEARLY_WORSE * near < far and abs(self.ahead) > CERTAIN_SIGMAS * self.sigma
+        """Whether one way is certainly, and more than three times, closer to what is seen than the other."""
+        return abs(self.ahead) > max(HALF, CERTAIN_SIGMAS * self.sigma)
 
 
 @dataclass(frozen=True, slots=True)
