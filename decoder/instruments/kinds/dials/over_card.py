@@ -299,7 +299,7 @@ class OverCardReader:
         first = [self._card.rough_turn(self._dial.card_part(part)) for part in parts]
         backs = [self.turned_back(part, turn) for part, turn in zip(parts, first, strict=True)]
         found = [
-            {name: self._as_shown(name, reading, turn) for name, reading in own.items()}
+            {name: self._as_shown(name, reading, turn.rows) for name, reading in own.items()}
             for own, turn in zip(self.on_card(backs, place_sigmas_deg), first, strict=True)
         ]
         told = zip(parts, first, backs, found, strict=True)
@@ -335,7 +335,7 @@ class OverCardReader:
             at_deg = reading.angle_deg if towards.ahead >= 0.0 else self._dial.opposite_deg(reading.angle_deg)
             sigma_deg = math.hypot(reading.sigma_deg, (1 + abs(towards.beside_rows)) * self._dial.grid.step_deg)
             likely = replace(reading, status=Status.READ if is_found else Status.EDGE, angle_deg=at_deg)
-            clear = replace(likely, status=Status.EDGE, sigma_deg=sigma_deg)
+            clear = self._as_shown(name, replace(likely, status=Status.EDGE, sigma_deg=sigma_deg), turned_rows)
         return clear if towards.is_clear else replace(likely, status=Status.MISSING), likely
 
     def _lies_alone(self, back: UnwrappedGauge, name: str, reading: Reading) -> bool:
@@ -349,12 +349,12 @@ class OverCardReader:
         rival = float(on[beside > template.rows].max(initial=0.0))
         return CLEARLY_WORSE * (1.0 - reading.score**2) < 1.0 - rival**2
 
-    def _as_shown(self, name: str, reading: Reading, turn: Turn) -> Reading:
+    def _as_shown(self, name: str, reading: Reading, turned_rows: float) -> Reading:
         """Increase a needle's sigma by the part of its width that is hidden by what stands still over the card."""
         over, template = self._picture.over, self._picture.templates[name]
         if reading.status is Status.MISSING or not over.any():
             return reading
-        covers = self._dial.hidden({name: template}, {name: reading}, turn.rows)
+        covers = self._dial.hidden({name: template}, {name: reading}, turned_rows)
         shown = 1.0 - float((covers & over).sum()) / max(int(covers.sum()), 1)
         if shown >= WHOLE_VISIBLE:
             return reading
