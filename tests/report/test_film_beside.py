@@ -87,6 +87,9 @@ def test_a_film_that_was_left_behind_is_named(browser: Browser, made: Path, tmp_
         "not in this page's folder, or cannot be played: flight.film.mp4"
     )
     expect(page.locator("#film")).to_have_count(0)
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#evidence")).not_to_have_attribute("data-row", "0")
+    expect(page.locator("#film-says")).to_contain_text("cannot be played")
     page.context.close()
 
 
