@@ -250,12 +250,17 @@ def with_arrow(turn_deg: float, at_deg: float, seed: int = 0) -> GreyPicture:
     return draw(turn_deg, seed, over)
 
 
-def arrows_off_deg(drawn_deg: float) -> list[float]:
-    """By how much a thin pointer's bearings are off that have a value, of twelve, if it is drawn at such an angle."""
+def arrow_reader(drawn_deg: float) -> PanelReader:
+    """A reader of a thin pointer that is drawn at such an angle."""
     (needle,) = POINTER["needles"]
     gauge = {**POINTER, "needles": [{**needle, "template": {"at": drawn_deg, "span": 16}}]}
     frames = [with_arrow(3.0 + 22.5 * step, 40.0 + 51.0 * step, 200 + step) for step in range(16)]
-    reader = fitted(gauge, with_arrow(PANEL_TURN_DEG, drawn_deg, 1), frames)
+    return fitted(gauge, with_arrow(PANEL_TURN_DEG, drawn_deg, 1), frames)
+
+
+def arrows_off_deg(drawn_deg: float) -> list[float]:
+    """By how much a thin pointer's bearings are off that have a value, of twelve, if it is drawn at such an angle."""
+    reader = arrow_reader(drawn_deg)
     found = [read_picture(reader, with_arrow(31.0 * step, 41.0 * step, 300 + step)).readings for step in range(12)]
     return [
         apart(readings["bearing_deg"].angle_deg, 41.0 * step)
@@ -271,6 +276,14 @@ def test_frames_together_tell_the_tip_of_a_pointer_that_is_drawn_over_a_numeral(
 
     assert len(off_deg) >= 9
     assert max(off_deg) < 1.0
+
+
+def test_pointer_below_a_fixed_mark_is_less_certain_also_where_it_resembles_its_reverse() -> None:
+    """Its tip is told, but where it lies below the mark is not seen."""
+    below = read_picture(arrow_reader(90.0), with_arrow(117.0, 270.0, 327)).readings["bearing_deg"]
+
+    assert (below.status, below.angle_deg) == (Status.EDGE, pytest.approx(270.0, abs=0.3))
+    assert below.sigma_deg > 1.0  # 0.5 without what the mark hides
 
 
 def test_pointer_whose_tip_is_hidden_in_the_panel_picture_has_no_value() -> None:
