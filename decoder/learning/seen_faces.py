@@ -9,7 +9,7 @@ flights.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +37,7 @@ from decoder.matching.thresholds import MIN_VIEWS, MIN_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
-from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, Gearing, shortest
 from decoder.registration.thresholds import NOISE_LEVELS
 
 # The dial behind a needle is taken from the third of the frames that differ most there from the panel picture.
@@ -51,16 +51,32 @@ Read = Callable[[PanelReader], Found]
 def with_seen_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
     """Correct the reader's faces behind the panel picture's needles, where frames show them; return its readings too.
 
-    A needle that moves in the readings by frame, `found`, needs none: it is not the marks behind it that match.
+    A needle that moves in the readings by frame, `found`, needs none: it is not marks behind it that match. A geared
+    hand may move too little for that, and be in the median of the frames: then fewer of them tell a value.
     """
-    bared = _with_usual_faces(reader, views, found)
+    bared = _with_usual_faces(reader, views, found, frozenset())
     if bared is not reader:
-        reader, found = bared, read(bared)
+        again = read(bared)
+        kept = frozenset(_going_where_less_is_told(reader.source.panel.gauges, found, again))
+        if kept:
+            bared = _with_usual_faces(reader, views, found, kept)
+            again = read(bared)
+        reader, found = bared, again
     return _with_other_faces(reader, views, found, read)
 
 
-def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> PanelReader:
-    """Correct the faces behind needles that are elsewhere in most frames, from the median of the frames."""
+def _going_where_less_is_told(gauges: Sequence[Gauge], before: Found, after: Found) -> Iterator[str]:
+    """List hands that went along `before` on gauges whose value is missing in more frames `after`."""
+    for gauge in gauges:
+        if gauge.combination is not None:
+            name = gauge.combination.quantity.name
+            old, new = (sum(own[name].status is Status.MISSING for own in found) for found in (before, after))
+            if new > old:
+                yield from (needle.name for needle in _cut_needles(gauge) if _goes_along(needle, gauge, before))
+
+
+def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found, kept: frozenset[str]) -> PanelReader:
+    """Correct the faces behind needles, but `kept` ones, that are elsewhere in most frames, from the frames' median."""
     source, before = reader.source, reader.appearance
     own = reader.own_gauges
     faces, templates = list(before.faces), dict(before.templates)
@@ -76,6 +92,7 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found) -> Pan
         others = {needle.name: _rows_of_others(dial, needle, found) for needle in _cut_needles(gauge)}
         in_sight = [at for at, view in enumerate(views[index]) if view is not None]
         bared = _bared(dial, seen, {name: rows[in_sight] for name, rows in others.items()})
+        bared = [needle for needle in bared if needle.name not in kept]
         covered = _covered_by_others(dial, bared, found)
         for needle in bared:
             place = _wherever_shown(_window(needle, grid, templates[needle.name]), dial) & ~covered
@@ -236,6 +253,24 @@ def _seems_still(needle: Pointer, found: Found) -> bool:
     """Whether a needle is mostly missing or read where it is in the panel picture."""
     still = [not readings[needle.name].is_seen or _is_at_home(needle, readings) for readings in found]
     return 2 * sum(still) > len(still)
+
+
+def _goes_along(needle: Pointer, gauge: Gauge, found: Found) -> bool:
+    """Whether a geared hand rather follows the value that it tells with finer ones than stays where it is.
+
+    A ten thousand feet pointer turns by 4 degrees in 1,000 feet: it seems still, but print would not move at all.
+    """
+    if gauge.combination is None or needle.name not in gauge.combination.parts[1:]:
+        return False
+    gearing = Gearing(gauge.quantities, gauge.combination)
+    both = [(own[needle.name], own[gearing.name]) for own in found if own[needle.name].status is Status.READ]
+    told = [(hand.angle_deg, value.angle_deg) for hand, value in both if value.status is not Status.MISSING]
+    if len(told) < FRAMES_TO_LEARN:
+        return False
+    hand_deg, value_deg = np.array(told).T
+    off_deg = hand_deg - gearing.angles_deg(gearing.names.index(needle.name), gearing.value_at(value_deg))
+    off_deg, moved_deg = (shortest(each - each[0], FULL_CIRCLE_DEG) for each in (off_deg, hand_deg))
+    return bool(np.var(moved_deg) > CLEARLY_WORSE * np.var(off_deg))
 
 
 def _may_be_bared(

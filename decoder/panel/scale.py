@@ -360,3 +360,8 @@ class Gearing:
     def circle_deg(self, value: float) -> float:
         """Return a value as an angle, from the lowest on, on the circle that is one turn of the coarsest hand."""
         return (value - self._quantity.lowest) / self.turn * FULL_CIRCLE_DEG
+
+    def value_at(self, circle_deg: Floats) -> Floats:
+        """Return the values at angles on that circle; reverses `circle_deg`."""
+        values: Floats = self._quantity.lowest + circle_deg / FULL_CIRCLE_DEG * self.turn
+        return values

@@ -250,9 +250,8 @@ class GearedReader:
         """Fit one hand given those below and above it: (F,) each."""
         hand = self._order[layer]
         template, drawn_rows = self._templates[hand], rows[:, self._order]
-        behind = self._dial.drawn(drawn_rows, range(layer))
-        clear = self._dial.left_bare(drawn_rows, range(layer + 1, len(self._order))) >= WHOLE_VISIBLE
-        masks, axis = clear.astype(np.float32), (template.rows - 1) // 2
+        behind, masks = self._around(drawn_rows, layer)
+        axis = (template.rows - 1) // 2
 
         def fit(open_: Indices, at: Indices, guess_rows: Floats) -> Fits:
             seen, back, mask = (self._windows(each, open_, at - axis, template) for each in (dials, behind, masks))
@@ -260,12 +259,28 @@ class GearedReader:
 
         found = settle(fit, rows[:, hand], (-self._turn, 2 * self._turn), self._reach_rows[hand])
         row = np.where(found.is_settled, found.row, rows[:, hand])
-        every, top = np.arange(len(rows)), np.rint(row).astype(np.intp) - axis
+        visible = self._visible_part(row, layer, behind, masks)
+        return _Placed(row, found.sigma_rows, np.nan_to_num(found.score), visible, found.is_settled)
+
+    def _around(self, drawn_rows: Floats, layer: int) -> tuple[Floats, Floats]:
+        """(F, N, C') each: what lies behind a hand, and where none lies over it; hands on rows (F, K), lowest first."""
+        behind = self._dial.drawn(drawn_rows, range(layer))
+        clear = self._dial.left_bare(drawn_rows, range(layer + 1, len(self._order))) >= WHOLE_VISIBLE
+        return behind, clear.astype(np.float32)
+
+    def _visible(self, rows: Floats, layer: int) -> Floats:
+        """(F,): the visible part of a hand's contrast, with all hands on rows (F, K)."""
+        return self._visible_part(rows[:, self._order[layer]], layer, *self._around(rows[:, self._order], layer))
+
+    def _visible_part(self, row: Floats, layer: int, behind: Floats, masks: Floats) -> Floats:
+        """(F,): the visible part of a hand's contrast on given rows, with what lies behind it and is not over it."""
+        template, every = self._templates[self._order[layer]], np.arange(len(row))
+        top = np.rint(row).astype(np.intp) - (template.rows - 1) // 2
         back, mask = (self._windows(each, every, top, template) for each in (behind, masks))
         own = template.light.ravel() + (template.transparency.ravel() - 1.0) * back
         contrast = template.trust.ravel() * own**2
-        visible = (contrast * mask).sum(axis=1) / np.maximum(contrast.sum(axis=1), 1e-6)
-        return _Placed(row, found.sigma_rows, np.nan_to_num(found.score), visible, found.is_settled)
+        visible: Floats = (contrast * mask).sum(axis=1) / np.maximum(contrast.sum(axis=1), 1e-6)
+        return visible
 
     def _windows(self, dials: Floats, which: Indices, top_rows: Indices, template: NeedleTemplate) -> Floats:
         """(M, H * C): windows of the chosen dials, (F, N, C'), each from its own top row."""
@@ -302,6 +317,9 @@ class GearedReader:
         found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
         found = found.instead(is_sure[:, None] & ~shows, self._hidden(values, placed.score))
         is_sure &= self._adds_up(seen, found.row - self._first)
+        # Only the coarsest hand tells its own turns: where it does not show, something must lie over it.
+        coarsest = self._order.index(len(self._order) - 1)
+        is_sure &= shows[:, -1] | (self._visible(found.row - self._first, coarsest) < HALF)
 
         values = np.where(is_sure, values, np.nan)
         sigmas = np.where(is_sure, self.gearing.sigma(0, angles_deg, sigmas_deg), np.inf)
