@@ -1,0 +1,77 @@
+"""A panel that another drew, filmed by our camera, is read right: cards, needles over them, geared hands, a ball."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+import yaml
+
+from benchmarks.programs import FIXTURES
+from benchmarks.real_pictures import Read, Source, decode_source, reads
+from fixtures.borrowed.beaver import FLIGHTS, panel_yaml
+
+HOME = FIXTURES / "borrowed"
+VALUED, WITHIN = 0.9, 0.85
+OTHERS = ("heading_deg", "vor_course_deg", "adf_card_deg", "course deviation", "slip")
+"""Kinds that the other borrowed panel does not have."""
+
+pytestmark = [pytest.mark.slow, pytest.mark.untraced, pytest.mark.xdist_group("beaver")]
+
+
+def source_of(flight: str, panel: Path) -> Source:
+    """A flight's committed frames, with a panel drawn on one of them."""
+    picture = yaml.safe_load(panel.read_text(encoding="utf-8"))["picture"]
+    names = f"{flight}/*.jpg", f"{flight}/{picture}", f"{flight}/truth.csv"
+    return Source(flight, names[0], panel, *names[1:], same_view=False, folder=HOME)
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight as it was decoded; `off` are all errors of values, in percent of full scale."""
+
+    reads: dict[str, Read]
+    off: dict[str, float]
+
+
+def decoded(flight: str, panel: Path) -> Flown:
+    """Decode a flight's committed frames."""
+    with TemporaryDirectory() as folder:
+        found = decode_source(source_of(flight, panel), Path(folder))
+    off = {
+        series.name: float(np.nanmax(np.abs(series.error(truth)) / series.full_scale * 100, initial=0.0))
+        for series, truth in zip(found.series, found.truth, strict=True)
+    }
+    return Flown({read.needle: read for read in reads(found)}, off)
+
+
+def drawn(folder: Path, flight: str, gauges: Collection[str], picture_frame: int) -> Path:
+    """Draw some gauges of a panel as by hand on a frame."""
+    panel = yaml.safe_load(panel_yaml(replace(FLIGHTS[flight], picture_frame=picture_frame)))
+    panel["gauges"] = [gauge for gauge in panel["gauges"] if gauge["name"] in gauges]
+    (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+    return folder / "panel.yaml"
+
+
+def test_cards_and_what_moves_over_them_are_read_right_from_aside(tmp_path: Path) -> None:
+    """All columns have values in nine of ten frames, none that is read is far off, and their intervals hold."""
+    flown = decoded("beaver_oblique", drawn(tmp_path, "beaver_oblique", OTHERS, 12))
+
+    assert {name: read.largest for name, read in flown.reads.items() if read.gross} == {}
+    assert {name for name, read in flown.reads.items() if not read.valued >= VALUED} == set()
+    assert {name for name, read in flown.reads.items() if not read.within_95 >= WITHIN} == set()
+
+
+@pytest.mark.parametrize(("picture_frame", "valued"), [(9, 0.0), (45, VALUED)])
+def test_pointer_that_turns_by_less_than_its_width_is_not_taken_for_print(
+    tmp_path: Path, picture_frame: int, valued: float
+) -> None:
+    """A broad, short pointer of ten thousands of feet stays a pointer, and no number of its turns is guessed."""
+    flown = decoded("beaver_night", drawn(tmp_path, "beaver_night", ["altimeter"], picture_frame))
+
+    assert flown.off["altitude_ft"] < 0.2  # of 100,000 ft
+    assert flown.reads["altitude_ft"].valued >= valued
