@@ -12,7 +12,7 @@ export function useFilm(state) {
   let isPlaying = false;
 
   function show(row) {
-    if (row < 0 || !film.isConnected) return; // a film that cannot be played is gone: what says so stays
+    if (row < 0 || !film.isConnected) return; // keep the message that the film cannot be played
     byId("film-says").textContent = `${frameText(flight, row)} · ${secondsText(flight, row)}`;
     film.dataset.row = String(row);
     wanted = row;
