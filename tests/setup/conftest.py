@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -119,8 +120,12 @@ OpenPage = Callable[[Running], Page]
 
 @pytest.fixture
 def open_page(browser: Browser) -> Iterator[OpenPage]:
-    """Opens the page in a tab of its own; what it says on the console fails the test at its end."""
+    """Opens the page in a tab of its own; what it says on the console fails the test at its end.
+
+    How its gauges stood then, and what it still waited for, is printed for tests that fail.
+    """
     said: list[str] = []
+    waiting: list[str] = []
     pages: list[Page] = []
 
     def opened(running: Running, *, quiet: bool = True) -> Page:
@@ -129,6 +134,9 @@ def open_page(browser: Browser) -> Iterator[OpenPage]:
         if quiet:
             page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
             page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: waiting.append(request.url))
+        for event in ("requestfinished", "requestfailed"):
+            page.on(event, lambda request: waiting.remove(request.url))
         page.goto(running.url)
         page.wait_for_selector("body[data-ready]")
         pages.append(page)
@@ -136,5 +144,7 @@ def open_page(browser: Browser) -> Iterator[OpenPage]:
 
     yield opened
     for page in pages:
+        stand = page.locator("#outline").all_inner_texts() if not page.is_closed() else []
+        sys.stdout.write(f"{page.url} shows {stand} and waits for {waiting}\n")
         page.context.close()
     assert said == []

@@ -177,6 +177,25 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
     assert [path.name for path in again.session.target.parent.glob(".*")] == []
 
 
+def test_trials_go_on_once_the_program_answers_again(opened: Running, open_page: OpenPage) -> None:
+    """A gauge whose trial was cut off by a broken connection is tried again when the page next gets an answer."""
+    page = open_page(opened, quiet=False)
+    broken: list[str] = []
+
+    def break_once(route: Route) -> None:
+        if broken or '"gauge":5' not in (route.request.post_data or ""):  # the last one
+            route.continue_()
+        else:
+            broken.append(route.request.url)
+            route.abort("connectionreset")
+
+    page.route("**/api/trial", break_once)
+    page.reload()
+    expect(page.locator("#outline .of-gauge .dot.good")).to_have_count(6)
+    expect(page.locator("#banner")).to_be_hidden()
+    assert len(broken) == 1
+
+
 def test_what_is_on_the_page_is_kept_whatever_was_judged(server: Running, open_page: OpenPage) -> None:
     """Also changes that saving refused before they were checked, and changes undone while later ones were checked."""
 

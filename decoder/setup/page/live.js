@@ -1,7 +1,7 @@
 // Every change is tried at once: the selected gauge first, then the others; answers that come too late are dropped.
 import { isDrawn, needsMarks } from "./kinds.js";
 import { asDrawn, valued, written } from "./following.js";
-import { ask, Lost, TAB } from "./server.js";
+import { ask, Lost, onLost, TAB } from "./server.js";
 
 const TRIAL_MS = 160;
 const CHECK_MS = 220;
@@ -16,6 +16,7 @@ export class Live {
     store.on("change", () => this.later());
     store.on("select", () => this.later());
     store.on("saved", () => { this.kept = null; }); // a draft that was saved is kept no longer
+    onLost((lost) => lost || this.later());
     this.later();
   }
 
