@@ -75,3 +75,12 @@ def test_pointer_that_turns_by_less_than_its_width_is_not_taken_for_print(
 
     assert flown.off["altitude_ft"] < 0.2  # of 100,000 ft
     assert flown.reads["altitude_ft"].valued >= valued
+
+
+def test_pitch_is_read_though_the_symbol_covers_the_horizon_of_the_panel_picture(tmp_path: Path) -> None:
+    """The horizon is put together from the frames that match such a picture best, few as match it well."""
+    flown = decoded("beaver_night", drawn(tmp_path, "beaver_night", ["attitude"], 9))
+
+    assert flown.reads["pitch_deg"].valued >= VALUED
+    assert flown.reads["pitch_deg"].within_95 >= WITHIN
+    assert flown.off["pitch_deg"] < 1.0

@@ -558,16 +558,19 @@ def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: Atti
 def _put_together(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None, rounds: int
 ) -> AttitudePicture:
-    """Compose it from frames, with the panel's law of shifting."""
+    """Compose it from frames, with the panel's law of shifting.
+
+    Few frames match a panel picture in which the symbol covers the horizon: until the last round, those that match
+    best will do.
+    """
     known = given
-    for _ in range(rounds):
+    for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
         sights = [(strip, reader.seen(strip).horizon) for strip in strips]
-        views = [
-            (strip, sight)
-            for strip, sight in sights
-            if sight.score >= LIKELY_SCORE and own.is_level_in_sight(sight.place)
-        ]
+        in_sight = [(strip, sight) for strip, sight in sights if own.is_level_in_sight(sight.place)]
+        views = [(strip, sight) for strip, sight in in_sight if sight.score >= LIKELY_SCORE]
+        if len(views) < FRAMES_TO_LEARN and number < rounds - 1:
+            views = sorted(in_sight, key=lambda view: -view[1].score)[:FRAMES_TO_LEARN]
         if len(views) < FRAMES_TO_LEARN or not (known.weights > HALF).any():
             return given
         horizon = _composed([_moved_back(own, known.weights, *view) for view in views])
