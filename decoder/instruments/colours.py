@@ -111,16 +111,21 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask])
     seen
         The same in some frames.
     needles
-        As `needle_rows`: the least clear needle counts; without any, all that changes between frames.
+        As `needle_rows`: the one that luma shows least clearly counts, and no other may be less clear than it was;
+        without any, all that changes between frames.
     """
     luma = _clearness(drawn, seen, needles, LUMA)
     told = {mixture: _clearness(drawn, seen, needles, mixture.parts) for mixture in mixtures()}
-    best = max(told, key=lambda mixture: told[mixture])
-    return best if told[best] > CLEARLY_WORSE * max(luma, CLEARLY_WORSE) else None
+    dimmest = int(np.argmin(luma))
+    least = max(luma[dimmest], CLEARLY_WORSE)
+    better = [each for each, clear in told.items() if clear[dimmest] > CLEARLY_WORSE * least and min(clear) > least]
+    return max(better, key=lambda mixture: min(told[mixture]), default=None)
 
 
-def _clearness(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]) -> float:
-    """Return the contrast of what moves against the usual dial, in sigmas of noise.
+def _clearness(
+    drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]
+) -> list[float]:
+    """Return the contrast of each needle, or of all that moves, against the usual dial, in sigmas of noise.
 
     Each colour has at least the noise of sensors and JPEGs, or more if the stillest part of the dial differs by more.
     """
@@ -128,10 +133,10 @@ def _clearness(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], p
     own = drawn @ weights
     views = [view for view in in_light_of(own, (each @ weights for each in seen)) if view is not None]
     if len(views) < MIN_VIEWS:
-        return 0.0
+        return [0.0] * max(len(needles), 1)
     usual = median_of(np.stack(views))
     left = np.stack(views) - usual
     spread = MAD_TO_SIGMA * float(np.quantile(np.median(np.abs(left), axis=0), STILL_PART))
-    noise = np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts))
-    moves = min((np.mean((own - usual)[its] ** 2) for its in needles), default=np.mean(left**2))
-    return math.sqrt(float(moves)) / float(noise)
+    noise = float(np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts)))
+    moves = [np.mean((own - usual)[its] ** 2) for its in needles] or [np.mean(left**2)]
+    return [math.sqrt(float(each)) / noise for each in moves]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats, Indices
@@ -114,52 +115,85 @@ def _layers_of(template: NeedleTemplate, shape: tuple[int, ...], step: int) -> l
     ]
 
 
-def lit_as(seen: Floats, drawn: Floats) -> Floats:
-    """Bring drawings (..., M, N, C) into the light of (..., N, C), with gain and offset by least squares."""
-    light, mean = _Light.of(seen, drawn), seen.mean(axis=(-2, -1))[..., None, None]
-    lit: Floats = (light.off * light.gain[..., None].astype(np.float32) + mean).reshape(drawn.shape)
-    return lit
+def axis_of(template: NeedleTemplate, face: Floats) -> Floats:
+    """(C,): what a needle adds along its axis to the median of a face (N, C), in grey levels."""
+    own = slice(-face.shape[1], None)
+    middle = (template.rows - 1) // 2
+    added: Floats = template.light[middle, own] + (template.transparency[middle, own] - 1.0) * np.median(face, axis=0)
+    return added
 
 
-def unexplained(seen: Floats, drawn: Floats) -> Floats:
-    """Return the mean square residual of drawings (M, N, C) in the light of what is seen, grey levels squared: (M,)."""
-    light = _Light.of(seen, drawn)
-    left: Floats = float(seen.var()) + light.gain * (light.gain * light.power - 2 * light.shared) / seen.size
-    return left
+class DialComparison:
+    """Compares drawings of a dial, (N, C), with what is seen of it.
 
-
-@dataclass(frozen=True, slots=True)
-class _Light:
-    """Drawings (..., M, N * C) about their means, with their squares, products with what is seen, and gains."""
-
-    off: Floats
-    power: Floats
-    shared: Floats
-    gain: Floats
-
-    @classmethod
-    def of(cls, seen: Floats, drawn: Floats) -> _Light:
-        flat, levels = (each.reshape(*each.shape[:-2], -1) for each in (drawn, seen))
-        off = flat - flat.mean(axis=-1, keepdims=True)
-        shared = np.vecdot(off, (levels - levels.mean(axis=-1, keepdims=True))[..., None, :])
-        power = np.vecdot(off, off)
-        return cls(off, power, shared, np.maximum(shared / np.maximum(power, 1.0), MIN_LIGHT_GAIN))
-
-
-def times_worse(seen: Floats, best: Floats, others: Floats) -> Floats:
-    """Return the ratio of what others and the best drawing leave unexplained, where the two differ: (..., M).
-
-    Sensor and JPEG noise is added to both, so it is 1 where two drawings hardly differ.
+    Each pixel of the picture counts once: samples near the centre, where rows converge, count less. And none counts for
+    more than the dimmest needle makes out: where the face is still unknown below a bright needle, a dim one elsewhere
+    would not matter otherwise.
 
     Parameters
     ----------
-    seen, best : (..., N, C)
-    others : (..., M, N, C)
+    face
+        (N, C): the dial without needles.
+    radii_px
+        (C,): how far each column lies from the centre.
+    templates
+        Of the dial's needles.
     """
-    seen, best, others = (each.reshape(*each.shape[:-2], -1) for each in (seen, best, others))
-    differ = (others - best[..., None, :]) ** 2
-    noise = NOISE_LEVELS**2 * np.maximum(differ.sum(axis=-1), 1.0)
-    left = np.vecdot(differ, (others - seen[..., None, :]) ** 2)
-    least = np.vecdot(differ, ((best - seen) ** 2)[..., None, :])
-    worse: Floats = (left + noise) / (least + noise)
-    return worse
+
+    def __init__(self, face: Floats, radii_px: Floats, templates: Sequence[NeedleTemplate]) -> None:
+        area = np.tile(np.abs(radii_px), len(face))
+        self._shares = (area / area.sum()).astype(np.float32)
+        contrasts = (np.abs(axis_of(template, face)) for template in templates)
+        dimmest = min(float(np.sqrt(np.mean(each[each >= HALF * each.max()] ** 2))) for each in contrasts)
+        self._limit = max(dimmest, 3 * NOISE_LEVELS)
+
+    def lit(self, seen: Floats, drawn: Floats) -> Floats:
+        """Bring drawings (..., M, N, C) into the light of (..., N, C), with gain and offset by least squares."""
+        off, _ = self._off(seen, drawn)
+        return off.reshape(drawn.shape) + seen[..., None, :, :]
+
+    def unexplained(self, seen: Floats, drawn: Floats) -> Floats:
+        """Return the mean square residual of drawings (..., M, N, C) in the light of (..., N, C): (..., M)."""
+        off, limits = self._off(seen, drawn)
+        np.clip(off, -limits, limits, out=off)
+        left: Floats = np.vecdot(off * self._shares, off)
+        return left
+
+    def times_worse(self, seen: Floats, drawn: Floats) -> Floats:
+        """Return what others leave unexplained of what is seen, where they differ from the first: as a ratio.
+
+        Sensor and JPEG noise is added to both, so it is 1 where two drawings hardly differ.
+
+        Parameters
+        ----------
+        seen : (..., N, C)
+        drawn : (..., M, N, C)
+
+        Returns
+        -------
+        (..., M - 1)
+        """
+        off, limits = self._off(seen, drawn)
+        first, others, limit = off[..., :1, :], off[..., 1:, :], limits[..., :1, :]
+        differ = np.clip(others - first, -limit, limit)
+        differ *= differ * self._shares
+        noise = NOISE_LEVELS**2 * np.maximum(differ.sum(axis=-1), 1.0 / self._shares.size)
+        left, least = (np.vecdot(differ, np.clip(each, -limit, limit) ** 2) for each in (others, first))
+        worse: Floats = (left + noise) / (least + noise)
+        return worse
+
+    def _off(self, seen: Floats, drawn: Floats) -> tuple[Floats, Floats]:
+        """Return by how much drawings in its light differ from what is seen, and to how much that is limited.
+
+        (..., M, N * C) and (..., M, 1), float32.
+        """
+        levels, off = (each.reshape(*each.shape[:-2], -1) for each in (seen, drawn))
+        levels = levels - (levels @ self._shares)[..., None]
+        off = off - (off @ self._shares)[..., None]
+        weighed = off * self._shares
+        power = np.maximum(np.vecdot(weighed, off), 1.0 / self._shares.size)
+        shared = np.vecdot(weighed, levels[..., None, :])
+        gain = np.maximum(shared / power, MIN_LIGHT_GAIN).astype(np.float32)[..., None]
+        off *= gain
+        off -= levels[..., None, :]
+        return off, gain * np.float32(self._limit)

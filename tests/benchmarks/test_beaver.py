@@ -84,3 +84,13 @@ def test_pitch_is_read_though_the_symbol_covers_the_horizon_of_the_panel_picture
     assert flown.reads["pitch_deg"].valued >= VALUED
     assert flown.reads["pitch_deg"].within_95 >= WITHIN
     assert flown.off["pitch_deg"] < 1.0
+
+
+@pytest.mark.parametrize("flight", ["beaver_oblique", "beaver_night"])
+def test_thin_red_hand_over_a_numeral_is_read_beside_bright_ones(tmp_path: Path, flight: str) -> None:
+    """Neither the unknown dial below the white hands nor a light that hardly shows the red one hides it."""
+    flown = decoded(flight, drawn(tmp_path, flight, ["clock"], 63))
+
+    assert flown.reads["clock_s"].valued >= VALUED
+    assert flown.reads["clock_s"].within_95 >= WITHIN
+    assert flown.off["clock_s"] < 0.01  # of 12 hours

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -152,6 +153,17 @@ def test_only_what_fits_better_is_offered() -> None:
     assert gain.endswith("axes are 1.00 → 0.00° off")
     assert len(offered({"centre": worse, "axis": trial_of(0.95, (1.0, 0.0), 0.0)})) == 1
     assert math.isclose(Fit.of_trial(worse, GAUGE).score, 0.94)
+
+
+def test_score_of_a_hidden_hand_counts_for_no_drawing() -> None:
+    """Where the others put it, whatever lies there matches as it happens to."""
+    shown = trial_of(0.99, None, 0.0)
+    hidden = FrameTrial(10, None, "", (NeedleTrial("x", Status.HIDDEN, 1.0, 30.0, 0.2),))
+    lost = FrameTrial(10, None, "", (NeedleTrial("x", Status.MISSING, None, None, 0.2),))
+
+    scores = [Fit.of_trial(replace(shown, frames=(*shown.frames, last)), GAUGE).score for last in (hidden, lost)]
+
+    assert scores == [0.99, 0.9]
 
 
 def test_a_centre_from_which_the_needle_shows_another_value_is_not_offered() -> None:

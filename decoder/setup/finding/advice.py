@@ -81,7 +81,7 @@ class Fit:
     read, of
         How many of its values are read, and how many there are.
     score
-        The average over all its needles in all frames; 0 where one is missing.
+        The average over all its needles in all frames, but where they are hidden; 0 where one is missing.
     beside_px
         How far from its centre its needles turn.
     off_deg
@@ -100,12 +100,14 @@ class Fit:
         readings = [each for frame in trial.frames for each in frame.readings]
         a_frame = max((len(frame.readings) for frame in trial.frames), default=0)
         alone = max((sum(not each.is_together for each in frame.readings) for frame in trial.frames), default=0)
-        scores = [each.score for each in readings if each.status is not Status.MISSING and not each.is_together]
+        needles = [each for each in readings if not each.is_together]
+        hidden = sum(each.status is Status.HIDDEN for each in needles)
+        scores = [each.score for each in needles if each.status not in (Status.MISSING, Status.HIDDEN)]
         beside_px = 0.0 if trial.moved_px is None else math.hypot(*trial.moved_px)
         return cls(
             read=sum(each.status is not Status.MISSING for each in readings),
             of=a_frame * len(trial.frames),
-            score=round(sum(filter(math.isfinite, scores)) / max(alone * len(trial.frames), 1), SCORE_PLACES),
+            score=round(sum(filter(math.isfinite, scores)) / max(alone * len(trial.frames) - hidden, 1), SCORE_PLACES),
             beside_px=beside_px,
             off_deg=max((abs(off) for _, off in _axes_off(trial, gauge, math.inf)), default=0.0),
         )

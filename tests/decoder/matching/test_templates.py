@@ -13,7 +13,7 @@ from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import tune
 from decoder.matching.faces import learn_face
-from decoder.matching.layered_dial import LayeredDial
+from decoder.matching.layered_dial import DialComparison, LayeredDial
 from decoder.matching.needle_layer import first_layer, without_others
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.panel.arrays import Floats
@@ -119,6 +119,55 @@ def test_thin_dial_is_every_third_row_and_column_of_the_whole(row: float) -> Non
     thin, whole = (LayeredDial(face(), [template()], step).drawn(rows) for step in (3, 1))
 
     assert thin == pytest.approx(whole[:, ::3, ::3], abs=1e-3)
+
+
+RADII_PX = np.linspace(10.0, 80.0, COLUMNS)
+
+
+def dark() -> Floats:
+    """A face without marks."""
+    return np.full((TURN, COLUMNS), 20.0, np.float32)
+
+
+@given(gain=st.floats(0.3, 3.0), offset=st.floats(-50.0, 50.0))
+def test_a_dial_drawn_right_explains_all_in_any_light(gain: float, offset: float) -> None:
+    """And any other place of the needle is so much worse that it is no rival."""
+    compared = DialComparison(face(), RADII_PX, [template()])
+    drawn = LayeredDial(face(), [template()]).drawn(np.array([[30.0], [60.0]]))
+    seen = np.float32(gain) * drawn[0] + np.float32(offset)
+
+    right, wrong = compared.unexplained(seen, drawn)
+    assert right == pytest.approx(0.0, abs=1e-2)
+    assert wrong > 1.0
+    assert compared.lit(seen, drawn[:1])[0] == pytest.approx(seen, abs=0.1)
+    assert compared.times_worse(seen, drawn)[0] > 10.0
+
+
+def test_a_dim_needle_counts_though_the_face_is_wrong_below_a_bright_one() -> None:
+    """What a drawing cannot explain anywhere does not decide where the dim needle is."""
+    bright, dim = template(level=220.0), template(level=50.0)
+    dial = LayeredDial(dark(), [bright, dim])
+    seen = dial.drawn(np.array([[30.0, 70.0]]))[0]
+    unknown = dark()
+    unknown[34:40] = 220.0  # where the bright needle was in the panel picture
+    compared = DialComparison(unknown, RADII_PX, [bright, dim])
+    right, covering = LayeredDial(unknown, [bright, dim]).drawn(np.array([[30.0, 70.0], [30.0, 36.0]]))
+
+    square = [float(((each - seen) ** 2).mean()) for each in (right, covering)]
+    assert square[1] < square[0]
+    left = compared.unexplained(seen, np.stack([right, covering]))
+    assert left[0] < left[1]
+
+
+def test_pixels_near_the_centre_count_by_their_area() -> None:
+    """The same wrong levels in the innermost and the outermost column, as far from the centre as these lie."""
+    compared = DialComparison(dark(), RADII_PX, [template()])
+    drawn = np.stack([face(), face()])
+    drawn[0, 40:60, 0] += 10.0
+    drawn[1, 40:60, -1] += 10.0
+
+    inner, outer = compared.unexplained(face(), drawn)
+    assert outer / inner == pytest.approx(RADII_PX[-1] / RADII_PX[0], rel=0.1)
 
 
 def needle_of(edges: Floats, level: float = 200.0) -> NeedleTemplate:

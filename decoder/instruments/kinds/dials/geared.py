@@ -21,7 +21,7 @@ from decoder.instruments.kinds.dials.stack import all_above
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr
-from decoder.matching.layered_dial import LayeredDial, lit_as, times_worse, unexplained
+from decoder.matching.layered_dial import DialComparison, LayeredDial, axis_of
 from decoder.matching.needle_fit import Fits, WindowFitter, settle
 from decoder.matching.needle_search import COARSE_STEP, thinned
 from decoder.matching.needle_template import NeedleTemplate
@@ -130,8 +130,10 @@ class GearedReader:
         self._order = sorted(range(len(own)), key=lambda hand: -depth[hand])  # the lowest first
         self._whole_face, face = needles[0].face, self._once_around(needles[0].face)
         layers = [self._templates[hand] for hand in self._order]
-        self._axes = [_axis(template, face)[::COARSE_STEP] for template in self._templates]
+        self._axes = [axis_of(template, face)[::COARSE_STEP] for template in self._templates]
         self._thin, self._dial = LayeredDial(face, layers, COARSE_STEP), LayeredDial(face, layers)
+        radii_px = grid.radii_px[grid.tail_columns :]
+        self._comparison = DialComparison(self._thin.face, radii_px[::COARSE_STEP], [thinned(each) for each in layers])
 
     @property
     def name(self) -> str:
@@ -220,11 +222,10 @@ class GearedReader:
         Hands that contradict the gearing must explain it clearly better to come first.
         """
         pictures = self._drawn(guesses.rows)
-        left, is_geared = unexplained(seen, pictures), np.isfinite(guesses.values)
+        left, is_geared = self._comparison.unexplained(seen, pictures), np.isfinite(guesses.values)
         geared = int(np.where(is_geared, left, np.inf).argmin())
         free = int(np.where(is_geared, np.inf, left).argmin())
-        lit = lit_as(seen, pictures[[free, geared]])
-        worse = float(times_worse(seen, lit[0], lit[1:])[0])
+        worse = float(self._comparison.times_worse(seen, pictures[[free, geared]])[0])
         apart = np.abs(shortest(guesses.rows[free] - guesses.rows[geared], self._turn)) > self._reach_rows
         best = free if apart.any() and worse > CLEARLY_WORSE else geared
         left[best] = -1.0
@@ -335,20 +336,19 @@ class GearedReader:
 
     def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
         """(F, M): which other rows, (F, M, K), explain thinned dials nearly as well as the fitted ones, (F, K)."""
-        worse = []
-        for dial, own in zip(seen, np.concatenate([rows[:, None], others], axis=1), strict=True):
-            lit = lit_as(dial, self._drawn(own))  # drawings of all frames at once would not fit the cache
-            worse.append(times_worse(dial, lit[0], lit[1:]))
+        every = np.concatenate([rows[:, None], others], axis=1)
+        # drawings of all frames at once would not fit the cache
+        worse = [self._comparison.times_worse(dial, self._drawn(own)) for dial, own in zip(seen, every, strict=True)]
         return np.stack(worse) <= CLEARLY_WORSE
 
     def _adds_up(self, seen: Floats, rows: Floats) -> Mask:
         """(F,): whether every hand on these rows (F, K) is needed, and nothing like a hand is left over."""
         without = np.where(np.eye(rows.shape[1], dtype=bool), np.nan, rows[:, None])
         drawn = self._drawn(np.concatenate([rows[:, None], without], axis=1))
-        lit = lit_as(seen, drawn)
-        is_needed = times_worse(seen, lit[:, 0], lit[:, 1:]).min(axis=1) >= MIN_VISIBLE
-        gain = lit[:, 0].std(axis=(1, 2)) / np.maximum(drawn[:, 0].std(axis=(1, 2)), 1e-6)
-        left = (seen - lit[:, 0]) / np.maximum(gain, 1e-6)[:, None, None]
+        is_needed = self._comparison.times_worse(seen, drawn).min(axis=1) >= MIN_VISIBLE
+        lit = self._comparison.lit(seen, drawn[:, :1])[:, 0]
+        gain = lit.std(axis=(1, 2)) / np.maximum(drawn[:, 0].std(axis=(1, 2)), 1e-6)
+        left = (seen - lit) / np.maximum(gain, 1e-6)[:, None, None]
         adds_up: Mask = is_needed & (self._left_over(left, rows) < LIKELY_SCORE)
         return adds_up
 
@@ -381,14 +381,6 @@ class GearedReader:
         slack_rows = np.array([self.gearing.tolerance_deg(hand) for hand in hands]) / self._grid.step_deg
         sigmas_rows = np.broadcast_to(slack_rows / np.sqrt(3.0), scores.shape)
         return Found(np.full(scores.shape, HIDDEN), rows + self._first, sigmas_rows, scores)
-
-
-def _axis(template: NeedleTemplate, face: Floats) -> Floats:
-    """(C,): what a hand adds along its axis to the dial's (N, C) median."""
-    own = slice(-face.shape[1], None)
-    middle = (template.rows - 1) // 2
-    added: Floats = template.light[middle, own] + (template.transparency[middle, own] - 1.0) * np.median(face, axis=0)
-    return added
 
 
 def _peaks(scores: Floats, count: int) -> Indices:

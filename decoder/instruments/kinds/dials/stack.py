@@ -21,7 +21,7 @@ from decoder.imaging.unwrapping import PolarGrid, needle_places, opposite_rows, 
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
-from decoder.matching.layered_dial import lit_as, times_worse
+from decoder.matching.layered_dial import DialComparison
 from decoder.matching.needle_fit import Fits, WindowFitter, settle
 from decoder.matching.needle_search import COARSE_STEP, thinned
 from decoder.matching.needle_template import NeedleTemplate
@@ -76,6 +76,7 @@ class StackReader:
         self._above = [all_above(needles, names, index) for index in range(len(needles))]
         self._order = sorted(range(len(needles)), key=lambda index: len(self._above[index]))
         self._templates = [without_dial(needle.template, first.grid) for needle in needles]
+        self._comparison = DialComparison(first.face, first.grid.radii_px, self._templates)
         self._coarse = [thinned(template) for template in self._templates]
         self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
         self._axes = [needle.axis for needle in needles]
@@ -209,8 +210,7 @@ class StackReader:
     def _times_worse(self, strips: Floats, best: dict[int, _Places], other: dict[int, _Places]) -> Floats:
         """(F,): how much more other places leave unexplained of the dial than the best ones, where they differ."""
         drawn = np.stack([self._drawn(strips, self._order[::-1], each) for each in (best, other)], axis=1)
-        lit = lit_as(strips, drawn)
-        return times_worse(strips, lit[:, 0], lit[:, 1:])[:, 0]
+        return self._comparison.times_worse(strips, drawn)[:, 0]
 
     def _placed(
         self,
