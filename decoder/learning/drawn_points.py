@@ -15,10 +15,14 @@ from functools import partial
 
 import numpy as np
 
+from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.instruments.thresholds import CLEARLY_WORSE
 from decoder.learning.pivot_path import PivotPath, Vector
+from decoder.learning.thresholds import HAND_PX
+from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
+from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale
 
 # How precisely an ordinary hand draws needles and marks, and needles are seen in the panel picture.
 ANGLE_DEG = 1.5
@@ -78,6 +82,40 @@ def uneven_deg(quantity: Quantity) -> float:
     beside_deg -= beside_deg.mean()
     spread_deg = math.sqrt(float(beside_deg @ beside_deg) / (len(beside_deg) - 1))
     return max(spread_deg, float(np.abs(beside_deg).max()) / 2)  # two sigma have to cover the worst
+
+
+def marks_missed_px(gauges: Sequence[Gauge]) -> float:
+    """Estimate how far a hand missed marks beyond HAND_PX, as a standard deviation, from how smooth its scales are.
+
+    All scales of a panel are drawn by the same hand, so a few marks where a scale's pace changes do not matter; where
+    there are few marks at all, the hand counts as an ordinary one: as if it had drawn MIN_VIEWS marks more.
+    """
+    scales = [(gauge.radius[1], scale) for gauge in gauges for scale in _scales(gauge)]
+    beside_px = [abs(radius_px * beside) for radius_px, scale in scales for beside in _beside_neighbours(*scale)]
+    ordinary_px = [HAND_PX / MAD_TO_SIGMA] * MIN_VIEWS
+    beyond_px2 = (MAD_TO_SIGMA * float(np.median([*beside_px, *ordinary_px]))) ** 2 - HAND_PX**2
+    return math.sqrt(max(beyond_px2, 0.0))
+
+
+def _beside_neighbours(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Iterator[float]:
+    """Yield by how much more than the next each mark is off its two neighbours, in radians, scaled to one mark's error.
+
+    So neither a curve nor being seen from off its middle counts. Nor does a mark at which the pace changes by much, for
+    scales are made so; and two marks of a full turn are always even. One mark between two others has no next.
+    """
+    if len(values) < 3:  # noqa: PLR2004 - one between two
+        return
+    scale = Scale.of(tuple(zip(angles_deg, values, strict=True)), turn)
+    steps, moves = np.diff(scale.angles_deg), np.diff(scale.values)
+    share = moves[:-1] / (moves[:-1] + moves[1:])
+    beside = np.zeros((len(share), len(scale.values)))
+    for column, weight in enumerate((share - 1.0, np.ones_like(share), -share)):
+        beside[np.arange(len(share)), np.arange(len(share)) + column] = weight
+    is_even = np.abs(np.diff(np.log(np.abs(steps / moves)))) <= math.log(CLEARLY_WORSE)
+    if len(share) > 1:
+        beside, is_even = np.diff(beside, axis=0), is_even[1:] & is_even[:-1]
+    missed = beside @ np.radians(scale.angles_deg) / np.linalg.norm(beside, axis=1)
+    yield from missed[is_even].tolist()
 
 
 def middle_of_marks_px(gauge: Gauge) -> Vector | None:

@@ -20,7 +20,7 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import ANYWHERE, Reading, Status
 from decoder.learning.budget import Cause
-from decoder.learning.drawn_points import uneven_deg
+from decoder.learning.drawn_points import marks_missed_px, uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.matching.needle_template import NeedleTemplate
@@ -135,6 +135,14 @@ class QuantityUncertainty:
         return lever
 
 
+@dataclass(frozen=True, slots=True)
+class _Care:
+    """How far the hand that drew a panel misses centres, as a part of the radius, and marks beyond HAND_PX."""
+
+    centres_part: float
+    marks_px: float
+
+
 def quantity_uncertainties(
     drawn: PanelPictures,
     told: Sequence[Gauge],
@@ -171,13 +179,14 @@ def quantity_uncertainties(
         For each needle, what it looks like in the flight.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
+    care = _Care(care_part, marks_missed_px(told))
     uncertainties = {}
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
         gauge, as_told, pivot, place_px, path = parts
-        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care_part=care_part)
+        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care)
         as_needle = replace(
             as_card,
-            drawn_deg=_by_hand_deg(gauge, care_part),
+            drawn_deg=_by_hand_deg(gauge, care),
             place_px=place_px,
             missed_px=_missed_px(path, log_odds),
         )
@@ -191,15 +200,15 @@ def quantity_uncertainties(
             if quantity.written is not None or not quantity.is_drawn:
                 uncertainties[name] = as_written
             elif name in needles:
-                own = _of_needle(as_needle, gauge, quantity, care_part, is_mistaken=name in mistaken)
+                own = _of_needle(as_needle, gauge, quantity, care, is_mistaken=name in mistaken)
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
-                uncertainties[name] = _of_shift(as_card, path) if quantity.is_shift else as_card
+                uncertainties[name] = _of_shift(as_card, path, care) if quantity.is_shift else as_card
     return uncertainties
 
 
 def _of_needle(
-    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, care_part: float, *, is_mistaken: bool
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, care: _Care, *, is_mistaken: bool
 ) -> QuantityUncertainty:
     """Estimate it for one needle of a dial; one that may be something else may point anywhere along the sweep.
 
@@ -207,7 +216,7 @@ def _of_needle(
     """
     first_deg, last_deg = gauge.sweep
     (zero_deg,) = (needle.at_deg for needle in gauge.turning if needle.name == quantity.name)
-    cut_deg = 0.0 if zero_deg is None else _hand_deg(gauge, care_part)
+    cut_deg = 0.0 if zero_deg is None else _hand_deg(gauge, care)
     anywhere_deg = ANYWHERE * (last_deg - first_deg) if is_mistaken else 0.0
     return replace(
         dial,
@@ -227,7 +236,7 @@ def _beside_middle(
 
 
 def _of_card(
-    drawn: PanelPictures, index: int, pivot: Pivot, path: PivotPath, *, log_odds: float, care_part: float
+    drawn: PanelPictures, index: int, pivot: Pivot, path: PivotPath, *, log_odds: float, care: _Care
 ) -> QuantityUncertainty:
     """Estimate it for a card, whose marks are carried to its pivot as far as that is known."""
     gauge = drawn.panel.gauges[index]
@@ -235,10 +244,10 @@ def _of_card(
     card_px = 0.0
     if gauge.window is None:
         missed, points = _to_allow_for(-abs(log_odds)), _to_allow_for(log_odds)
-        doubt_px = pivot.sigma_px if path.was_moved else care_part * rim_px
+        doubt_px = pivot.sigma_px if path.was_moved else care.centres_part * rim_px
         card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
     return QuantityUncertainty(
-        drawn_deg=math.hypot(_by_hand_deg(gauge, care_part), math.degrees(card_px / rim_px)),
+        drawn_deg=math.hypot(_by_hand_deg(gauge, care), math.degrees(card_px / rim_px)),
         seen_deg=_parallax_deg(drawn, index) if gauge.turning else _squeezed_deg(drawn, index),
         place_px=0.0,
         radius_px=gauge.arc_px,
@@ -249,21 +258,26 @@ def _of_card(
     )
 
 
-def _of_shift(dial: QuantityUncertainty, path: PivotPath) -> QuantityUncertainty:
-    """Estimate it for a shift from the pivot, which is off by as much as that was moved to a wrong place."""
-    beside_px = dial.pivot.sigma_px if path.was_moved else 0.0
+def _of_shift(dial: QuantityUncertainty, path: PivotPath, care: _Care) -> QuantityUncertainty:
+    """Estimate it for a shift from the pivot, which is off by as much as that was moved to a wrong place.
+
+    Its marks lie beside the pivot, not along the rim: what a hand misses them by counts in full.
+    """
+    beside_px = math.hypot(care.marks_px, dial.pivot.sigma_px if path.was_moved else 0.0)
     return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, math.degrees(beside_px / dial.radius_px)))
 
 
-def _by_hand_deg(gauge: Gauge, care_part: float) -> float:
-    """Estimate how precisely a scale is drawn: like its centre, and as the panel says."""
-    return math.hypot(_hand_deg(gauge, care_part), gauge.doubt_deg)
+def _by_hand_deg(gauge: Gauge, care: _Care) -> float:
+    """Estimate how precisely a scale is drawn: as its hand draws, and as the panel says."""
+    return math.hypot(_hand_deg(gauge, care), gauge.doubt_deg)
 
 
-def _hand_deg(gauge: Gauge, care_part: float) -> float:
-    """Estimate how precisely one angle is drawn: like the dial's centre, and to HAND_PX at best."""
-    missed = MARK_PART * care_part
-    return math.degrees(math.hypot(HAND_PX / gauge.arc_px, min(missed, MOST_MARK_PART)))
+def _hand_deg(gauge: Gauge, care: _Care) -> float:
+    """Estimate how precisely one angle is drawn: like the panel's centres and marks, and to HAND_PX at best."""
+    missed = MARK_PART * care.centres_part
+    return math.degrees(
+        math.hypot(HAND_PX / gauge.arc_px, care.marks_px / gauge.radius[1], min(missed, MOST_MARK_PART))
+    )
 
 
 def _missed_px(path: PivotPath, log_odds: float) -> Vector:

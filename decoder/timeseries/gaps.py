@@ -56,7 +56,9 @@ def _without_lone_turns(data: FlightData) -> FlightData:
     """Refuse combined values that jump by turns to frames in which a pointer is hidden, and no frame there shows all.
 
     A pointer that is not seen is taken to lie below another one. Whatever else hides it, such as a tail that the panel
-    does not describe, puts the value turns off. Values that follow from frames in which all pointers show are kept.
+    does not describe, puts the value turns off. Values that follow from frames in which all pointers show are kept. If
+    there are none, the coarsest pointer may contradict the others wherever it shows, because it is drawn wrongly or is
+    print: nothing tells its turns where it does not.
     """
     by_name = {series.quantity.name: series for series in data.series}
     for each in data.combinations:
@@ -64,9 +66,11 @@ def _without_lone_turns(data: FlightData) -> FlightData:
         is_valued = series.has(Status.READ, Status.EDGE)
         shows_all = is_valued & np.all([part.has(Status.READ, Status.EDGE) for part in parts], axis=0)
         turn = parts[0].quantity.wraps
-        if turn is None or not shows_all.any():
+        if turn is None:
             continue
-        lone = _is_lone(series, data.time_s, np.flatnonzero(is_valued), np.flatnonzero(shows_all), HALF * turn)
+        lone = is_valued & parts[-1].has(Status.HIDDEN)
+        if shows_all.any():
+            lone = _is_lone(series, data.time_s, np.flatnonzero(is_valued), np.flatnonzero(shows_all), HALF * turn)
         for one in (series, *parts):
             where = lone if one is series else lone & one.has(Status.HIDDEN)
             by_name[one.quantity.name] = _as_missing(one, where)

@@ -14,7 +14,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.budget import Cause
-from decoder.learning.drawn_points import middle_of_marks_px, seen_from, uneven_deg
+from decoder.learning.drawn_points import marks_missed_px, middle_of_marks_px, seen_from, uneven_deg
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import HAND_PX
@@ -304,3 +304,33 @@ def test_pitch_is_doubted_by_how_unsure_the_place_is_that_the_pivot_was_moved_to
     assert doubted["roll_deg"].drawn_deg == pytest.approx(sure["roll_deg"].drawn_deg, rel=1e-3)
     added_deg = math.sqrt(doubted["pitch_deg"].drawn_deg ** 2 - sure["pitch_deg"].drawn_deg ** 2)
     assert added_deg == pytest.approx(math.degrees(unsure_px / gauge.arc_px), rel=1e-3)
+
+
+def scaled(drawn_deg: Sequence[Floats], values: Floats) -> list[Gauge]:
+    """Gauges with these marks, degrees, for the same values."""
+    (gauge, *_) = reader_of().source.panel.gauges
+    return [
+        gauge.model_copy(update={"scale": tuple(zip(own.tolist(), values.tolist(), strict=True)), "wraps": None})
+        for own in drawn_deg
+    ]
+
+
+@pytest.mark.parametrize("missed_px", [0.7, 1.4])
+def test_how_far_a_hand_misses_marks_is_told_by_how_smooth_its_scales_are(missed_px: float) -> None:
+    """Within a third for eight scales of eight marks each, even or curved, two of which change their pace once."""
+    random, values = np.random.default_rng(4), np.arange(8.0)
+    radius_px = reader_of().source.panel.gauges[0].radius[1]
+    exact = [120.0 + 30.0 * values] * 4 + [120.0 + 18.0 * values + 2.0 * values**2] * 2
+    exact += [120.0 + 12.0 * values + 24.0 * np.maximum(values - 4.0, 0.0)] * 2
+    missed = [own + np.degrees(random.normal(0.0, missed_px, 8) / radius_px) for own in exact]
+
+    assert marks_missed_px(scaled(missed, values)) == pytest.approx(missed_px, rel=1 / 3)
+    assert marks_missed_px(scaled(exact, values)) == 0.0
+
+
+@pytest.mark.parametrize("angles_deg", [[120.0, 240.0, 420.0], [120.0, 420.0]])
+def test_a_few_marks_tell_nothing_of_the_hand(angles_deg: list[float]) -> None:
+    """A scale of three marks may be made uneven; it counts as drawn by an ordinary hand."""
+    gauges = scaled([np.array(angles_deg)], np.arange(float(len(angles_deg))))
+
+    assert marks_missed_px(gauges) == pytest.approx(0.0, abs=1e-6)

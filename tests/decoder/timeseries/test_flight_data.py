@@ -215,7 +215,7 @@ TURNS: dict[str, tuple[list[float], str, str]] = {
     "right all the time": ([20, 21, 22, 23, 24, 25], "rrhhrr", "rrrrrr"),
     "far off the line, step by step": ([20, *range(24, 60, 4), 60, 20], "r" + 9 * "h" + "rr", 12 * "r"),
     "past the end of its circle": ([97, 98, 99, 0, 1, 2], "rrhhhr", "rrrrrr"),
-    "shown in no frame": ([20, 71, 22], "hhh", "rrr"),
+    "shown in no frame": ([20, 71, 22], "hhh", "mmm"),
 }
 
 
