@@ -16,10 +16,9 @@ from functools import partial
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
-from decoder.instruments.thresholds import CLEARLY_WORSE
+from decoder.imaging.thresholds import HALF
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX
-from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale
@@ -30,6 +29,8 @@ ANGLE_DEG = 1.5
 PRIOR_LOG_ODDS = -3.0
 # Least squares for the middle of a ring converge within this many steps from a tenth of its radius.
 MIDDLE_STEPS = 4
+# Until a panel has more marks than these, its hand counts as an ordinary one.
+ORDINARY_MARKS = 5
 
 Seen = Sequence[tuple[float, float]]
 """Of a gauge's needles: at which angle each is drawn, and where the panel picture shows it around its pivot."""
@@ -88,11 +89,11 @@ def marks_missed_px(gauges: Sequence[Gauge]) -> float:
     """Estimate how far a hand missed marks beyond HAND_PX, as a standard deviation, from how smooth its scales are.
 
     All scales of a panel are drawn by the same hand, so a few marks where a scale's pace changes do not matter; where
-    there are few marks at all, the hand counts as an ordinary one: as if it had drawn MIN_VIEWS marks more.
+    there are few marks at all, the hand counts as an ordinary one: as if it had drawn ORDINARY_MARKS more.
     """
     scales = [(gauge.radius[1], scale) for gauge in gauges for scale in _scales(gauge)]
     beside_px = [abs(radius_px * beside) for radius_px, scale in scales for beside in _beside_neighbours(*scale)]
-    ordinary_px = [HAND_PX / MAD_TO_SIGMA] * MIN_VIEWS
+    ordinary_px = [HAND_PX / MAD_TO_SIGMA] * ORDINARY_MARKS
     beyond_px2 = (MAD_TO_SIGMA * float(np.median([*beside_px, *ordinary_px]))) ** 2 - HAND_PX**2
     return math.sqrt(max(beyond_px2, 0.0))
 
@@ -100,7 +101,7 @@ def marks_missed_px(gauges: Sequence[Gauge]) -> float:
 def _beside_neighbours(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Iterator[float]:
     """Yield by how much more than the next each mark is off its two neighbours, in radians, scaled to one mark's error.
 
-    So neither a curve nor being seen from off its middle counts. Nor does a mark at which the pace changes by much, for
+    So neither a curve nor being seen from off its middle counts. Nor does a mark at which the pace changes by half, for
     scales are made so; and two marks of a full turn are always even. One mark between two others has no next.
     """
     if len(values) < 3:  # noqa: PLR2004 - one between two
@@ -111,7 +112,7 @@ def _beside_neighbours(angles_deg: Sequence[float], values: Sequence[float], tur
     beside = np.zeros((len(share), len(scale.values)))
     for column, weight in enumerate((share - 1.0, np.ones_like(share), -share)):
         beside[np.arange(len(share)), np.arange(len(share)) + column] = weight
-    is_even = np.abs(np.diff(np.log(np.abs(steps / moves)))) <= math.log(CLEARLY_WORSE)
+    is_even = np.abs(np.diff(np.log(np.abs(steps / moves)))) <= math.log1p(HALF)
     if len(share) > 1:
         beside, is_even = np.diff(beside, axis=0), is_even[1:] & is_even[:-1]
     missed = beside @ np.radians(scale.angles_deg) / np.linalg.norm(beside, axis=1)
