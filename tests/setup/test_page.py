@@ -420,6 +420,26 @@ def test_oblique_rim_is_bent_by_clicks_and_keys(start: Start, open_page: OpenPag
     expect(points).to_have_count(8)
 
 
+@pytest.mark.parametrize("name", ["Select rim point 3", "Remove n1", "n1 !"])
+def test_redrawn_page_leaves_the_focus_on_a_button(name: str, start: Start, open_page: OpenPage) -> None:
+    """A trial's answer redraws inspector and outline at any moment: Enter still presses the button that was chosen."""
+    page = open_page(start(OBLIQUE / "panel.jpg"))
+    hand = Hand(page)
+    hand.press("g")
+    for place in ((295.6, 119.6), (327.3, 47.1), (351.6, 122.0)):
+        hand.click(place)
+    hand.type_into("gauges[0].name", "n1")
+    page.locator("summary", has_text="8 points").click()
+    button = page.get_by_role("button", name=name, exact=True)
+    button.focus()
+    old = button.element_handle()
+    page.locator('[id="f:gauges[0].unit"]').evaluate(
+        "each => { each.value = 'kt'; each.dispatchEvent(new Event('change', { bubbles: true })); }"
+    )
+    page.wait_for_function("each => !each.isConnected", arg=old)
+    expect(button).to_be_focused()
+
+
 def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """Cards, stops, combined values, tails, rates, own scales: opened, changed in their fields, and saved whole."""
     running = start(FIXTURES / "oblique" / "odd_small.mcap", None, tmp_path / "panel.yaml")

@@ -1,4 +1,4 @@
-// Elements, made in one line.
+// Elements, made in one line, and found again in a part of the page that was drawn anew.
 const SVG = "http://www.w3.org/2000/svg";
 
 function filled(element, attributes, children) {
@@ -15,3 +15,9 @@ function filled(element, attributes, children) {
 export const h = (tag, attributes, ...children) => filled(document.createElement(tag), attributes, children);
 export const s = (tag, attributes, ...children) => filled(document.createElementNS(SVG, tag), attributes, children);
 export const byId = (id) => document.getElementById(id);
+
+const CONTROLS = "button, input, select, summary, textarea";
+
+// What a control is called: by it, the one that takes its place in a redrawing is known.
+export const nameOf = (control) => [control.tagName, control.id || control.getAttribute("aria-label") || control.textContent].join(" ");
+export const controlNamed = (root, name) => [...root.querySelectorAll(CONTROLS)].find((each) => nameOf(each) === name);

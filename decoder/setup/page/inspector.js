@@ -1,5 +1,5 @@
 // The inspector: the numbers and names of what is selected, to be read and typed.
-import { byId, h } from "./dom.js";
+import { byId, controlNamed, h, nameOf } from "./dom.js";
 import { field, input, pair, showProblems } from "./fields.js";
 import { gaugePart } from "./gauge_part.js";
 import { remove } from "./items.js";
@@ -83,7 +83,7 @@ export function showInspector(store, live, closeUp) {
   function draw() {
     waiting = false;
     const { activeElement: active } = document;
-    const held = active && root.contains(active) && active.id ? { id: active.id, typed: active.tagName === "INPUT" && active.value !== active.dataset.shown ? active.value : null, ends: [active.selectionStart, active.selectionEnd] } : null;
+    const held = active && root.contains(active) ? { named: nameOf(active), typed: active.tagName === "INPUT" && active.value !== active.dataset.shown ? active.value : null, ends: [active.selectionStart, active.selectionEnd] } : null;
     const top = root.scrollTop;
     const { kind, index } = store.selection;
     const list = { anchor: "anchors", reference: "reference_points", gauge: "gauges" }[kind];
@@ -98,7 +98,7 @@ export function showInspector(store, live, closeUp) {
     if (failed && !own.length) root.querySelector("[data-whole]").closest("header").after(h("p", { class: "problem" }, inPagesWords(store, failed, whole)));
     root.querySelectorAll(".problem").forEach((problem) => problem.closest("details")?.setAttribute("open", ""));
     root.scrollTop = top;
-    const field = wanted ? byId(wanted) : held && byId(held.id);
+    const field = wanted ? byId(wanted) : held && controlNamed(root, held.named);
     if (wanted && field) {
       wanted = null;
       field.focus();

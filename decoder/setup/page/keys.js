@@ -95,17 +95,15 @@ export function followKeys(store, view, { save, step, ...others }) {
       if (event.key === "Escape") picture.focus();
       return;
     }
-    if (event.target === picture || event.target === document.body) {
-      if (event.key in ARROWS) {
-        event.preventDefault();
-        arrow(event);
-        return;
-      }
-      if (event.key === "Enter") {
-        event.preventDefault();
-        click(store, store.cursor);
-        return;
-      }
+    if (event.key in ARROWS) {
+      event.preventDefault();
+      arrow(event);
+      return;
+    }
+    if (event.key === "Enter" && (event.target === picture || event.target === document.body)) {
+      event.preventDefault();
+      click(store, store.cursor);
+      return;
     }
     if ((event.altKey && BROWSERS.test(key)) || (event.repeat && ONCE.test(key))) return;
     if (plain[key]) {

@@ -1,5 +1,5 @@
 // The outline: everything that is drawn, and how well it is read.
-import { byId, h } from "./dom.js";
+import { byId, controlNamed, h, nameOf } from "./dom.js";
 import { pick } from "./tools.js";
 
 // Which thing a problem's path belongs to.
@@ -34,7 +34,7 @@ export function showOutline(store, live, view) {
       { class: `of-${selection.kind}` },
       h(
         "button",
-        { "aria-current": current ? "true" : "false", title, onclick: () => store.select(selection), ondblclick: () => view(selection) },
+        { id: `row ${selection.kind} ${selection.index ?? ""}`, "aria-current": current ? "true" : "false", title, onclick: () => store.select(selection), ondblclick: () => view(selection) },
         h("span", { class: `dot ${wrong ? "bad" : dot}` }),
         h("span", { class: "name" }, name || "(no name)"),
         h("span", { class: "count" }, wrong ? "!" : count),
@@ -51,6 +51,7 @@ export function showOutline(store, live, view) {
 
   function show() {
     const { anchors = [], level, reference_points: points = [], gauges = [] } = store.document;
+    const held = nav.contains(document.activeElement) ? nameOf(document.activeElement) : null;
     nav.replaceChildren(
       ...part("Panel", null, [row({ kind: "panel" }, store.document.name)]),
       ...part("Anchors", "anchor", anchors.map(({ name }, index) => row({ kind: "anchor", index }, name, live.anchorSummary(name))), "at least one"),
@@ -58,6 +59,7 @@ export function showOutline(store, live, view) {
       ...part("Reference points", "reference", points.map(({ inches }, index) => row({ kind: "reference", index }, `${inches.map((each) => each ?? "?").join(", ")} in`)), "for an oblique view"),
       ...part("Gauges", "gauge", gauges.map(({ name }, index) => row({ kind: "gauge", index }, name, live.summary(index))), "at least one"),
     );
+    controlNamed(nav, held)?.focus({ preventScroll: true });
   }
 
   store.on("change select problems trial", show);
