@@ -117,18 +117,22 @@ class _Apart:
     face: UnwrappedGauge
     template: NeedleTemplate
 
-    def is_confirmed(self, found: Found) -> bool:
-        """Tell whether the readings with this face confirm it.
+    def is_confirmed(self, before: Found, found: Found) -> bool:
+        """Tell whether the readings with this face, `found`, confirm it.
 
-        Most unlike frames then show the needle elsewhere; or most of them no longer show it where it was cut, while
-        most like ones still do.
+        Most unlike frames then show the needle elsewhere; or in most of them it no longer matches best where it was
+        cut, while most like ones still show it there. Of a needle that was missing in most frames `before`, there is
+        less to lose: in unlike frames it may be missing where it was cut.
         """
+        was_found = 2 * sum(own[self.needle.name].status is not Status.MISSING for own in before) >= len(before)
         unlike, like = ([found[at] for at in part] for part in (self.unlike, self.like))
-        is_gone = [_off_home_deg(self.needle, own) > APART_DEG for own in unlike]
-        is_found = [own[self.needle.name].is_seen for own in unlike]
+        is_elsewhere = [own[self.needle.name].is_seen and _off_home_deg(self.needle, own) > APART_DEG for own in unlike]
+        is_gone = [
+            _off_home_deg(self.needle, own) > APART_DEG if was_found else not _is_at_home(self.needle, own)
+            for own in unlike
+        ]
         is_there = [_is_at_home(self.needle, own) for own in like]
-        is_elsewhere = np.logical_and(is_gone, is_found)
-        return float(max(is_elsewhere.mean(), min(np.mean(is_gone), np.mean(is_there)))) > MOSTLY
+        return float(max(np.mean(is_elsewhere), min(np.mean(is_gone), np.mean(is_there)))) > MOSTLY
 
 
 def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
@@ -152,7 +156,9 @@ def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: 
                 templates[each.needle.name] = each.template
         again = reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
         found_again = read(again)
-        kept = {index: all_ for index, all_ in apart.items() if all(each.is_confirmed(found_again) for each in all_)}
+        kept = {
+            index: all_ for index, all_ in apart.items() if all(each.is_confirmed(found, found_again) for each in all_)
+        }
         if len(kept) == len(apart):
             return again, found_again
         apart = kept
