@@ -34,10 +34,9 @@ from decoder.imaging.unwrapping import (
 from decoder.instruments.found import Needle
 from decoder.instruments.sampling import ALL, Part, SeenGauge
 from decoder.matching.correlation import normxcorr
-from decoder.matching.faces import bare_face
+from decoder.matching.faces import bare_face, face_behind
 from decoder.matching.needle_layer import cut_over, first_layer, without_others
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
-from decoder.matching.strips import rows_at
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
@@ -178,6 +177,15 @@ class Still:
         """Return all rows and columns."""
         return ALL
 
+    def hidden_look(
+        self,
+        _instrument: Instrument,
+        _appearance: Appearance,
+        _strips: Sequence[UnwrappedGauge],
+    ) -> Look | None:
+        """Return None."""
+        return None
+
     def pivot(self, _instrument: Instrument, _appearance: Appearance, _frames: Sequence[SeenGauge]) -> Pivot:
         """Return the unknown pivot."""
         return UNKNOWN
@@ -233,13 +241,6 @@ def _others_rows(gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid) -> list
     angles_deg = [each.at - own.at for each in others if each.at is not None and each.picture == own.picture]
     rows: list[float] = (shortest(np.array(angles_deg), turn_deg) / grid.step_deg).tolist()
     return rows
-
-
-def face_behind(face: Floats, grid: PolarGrid, at_deg: float | None, rows: int) -> Floats:
-    """(rows, C): the face where a needle's template was cut; for a cropped picture, the median of the dial."""
-    if at_deg is None:
-        return np.broadcast_to(median_of(face), (rows, face.shape[1])).astype(np.float32)
-    return rows_at(face, row_of_angle(grid, at_deg) + np.arange(rows) - (rows - 1) / 2)
 
 
 def _row_in_panel_picture(

@@ -104,6 +104,16 @@ class Needle:
         return next(needle.covered_by for needle in self.gauge.needles if needle.name == self.name)
 
 
+def all_above(needles: Sequence[Needle], names: Sequence[str], index: int) -> tuple[int, ...]:
+    """Return the needles above one, the nearest first."""
+    above: list[int] = []
+    cover = needles[index].covered_by
+    while cover is not None:
+        above.append(names.index(cover))
+        cover = needles[above[-1]].covered_by
+    return tuple(above)
+
+
 def readings_of(found: Found, needles: list[Needle], place_sigmas_deg: Floats) -> list[dict[str, Reading]]:
     """Convert what was found to readings, by frame and needle.
 

@@ -52,6 +52,12 @@ class Kind(Protocol):
         """Learn, by quantity and from a sample's frames in one light, its look beyond face and templates."""
         ...
 
+    def hidden_look(
+        self, instrument: Instrument, appearance: Appearance, strips: Sequence[UnwrappedGauge]
+    ) -> Look | None:
+        """Learn what the panel picture hides from a sample's frames in its light; None if there is nothing to learn."""
+        ...
+
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
         """Estimate where it turns, relative to where it is unwrapped, from a sample's frames and their readings."""
         ...

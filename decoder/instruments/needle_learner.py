@@ -12,10 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, touched_pixels
-from decoder.instruments.appearance import face_behind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
-from decoder.matching.faces import learn_face
+from decoder.matching.faces import face_behind, learn_face
 from decoder.matching.needle_fit import WindowFitter
 from decoder.matching.needle_layer import in_local_light, layered
 from decoder.matching.needle_template import NeedleTemplate

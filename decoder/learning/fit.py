@@ -32,7 +32,13 @@ from decoder.learning.drawn_points import (
     seen_from_pivots,
     uneven_deg,
 )
-from decoder.learning.flight_appearance import kept_where_better, learn_appearance, learn_likely_needles, lit_views
+from decoder.learning.flight_appearance import (
+    kept_where_better,
+    learn_appearance,
+    learn_hidden_looks,
+    learn_likely_needles,
+    lit_views,
+)
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
 from decoder.learning.pivot_path import PivotPath, Vector
@@ -254,6 +260,7 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     reader = with_usual_place(reader, samples)
     views, found = lit_views(reader, samples), _read(reader, samples)
     reader, found = with_seen_faces(reader, views, found, lambda bared: _read(bared, samples))
+    reader, found = learn_hidden_looks(reader, samples, views, found)
     learned = learn_appearance(reader, views, found)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())
     if reader.placement.dials_move or missing:  # then every tilt is used; else the fit's guess is good enough

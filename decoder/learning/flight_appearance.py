@@ -139,6 +139,32 @@ def learn_likely_needles(
         of = better
 
 
+def learn_hidden_looks(
+    reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
+) -> tuple[PanelReader, Sequence[Readings]]:
+    """Learn what the panel picture hides, where a kind can tell where it is; return the reader with its readings."""
+    before = reader.appearance
+    faces, templates = list(before.faces), dict(before.templates)
+    for index, (gauge, grid, seen) in enumerate(zip(reader.source.panel.gauges, reader.grids, views, strict=True)):
+        strips = [strip for strip in seen if strip is not None]
+        if len(strips) < FRAMES_TO_LEARN or not _is_lost(gauge, found):
+            continue
+        look = kind_of(gauge).hidden_look(Instrument(index, gauge, grid, before.faces[index]), before, strips)
+        if look is not None:
+            faces[index], templates = look.face, {**templates, **look.templates}
+    if templates == before.templates:
+        return reader, found
+    reader = reader.with_appearance(replace(before, templates=templates, faces=tuple(faces)))
+    return reader, _read(reader, samples)
+
+
+def _is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
+    """Whether something that a gauge tells is missing in most frames."""
+    together = () if gauge.combination is None else (gauge.combination.quantity,)
+    missing = [[own[each.name].status is Status.MISSING for own in found] for each in (*gauge.quantities, *together)]
+    return any(2 * sum(each) > len(found) for each in missing)
+
+
 def _as_likely(reading: Reading) -> Reading:
     """Treat a missing needle with a likely match as found."""
     is_likely = reading.status is Status.MISSING and reading.score >= LIKELY_SCORE and math.isfinite(reading.angle_deg)

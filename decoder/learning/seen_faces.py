@@ -25,12 +25,11 @@ from decoder.imaging.unwrapping import (
     same_rows,
     turn_rows,
 )
-from decoder.instruments.appearance import face_behind
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, CLEARLY_WORSE, FRAMES_TO_LEARN, NEEDLE_PART
 from decoder.learning.thresholds import MOSTLY, NOISE_SPREADS, SEEN_PART
-from decoder.matching.faces import LitViews
+from decoder.matching.faces import LitViews, face_behind
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import MIN_VIEWS, MIN_VISIBLE

@@ -6,7 +6,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from decoder.imaging.sorting import median, middle_views
+from decoder.imaging.sorting import median, median_of, middle_views
+from decoder.imaging.unwrapping import PolarGrid, row_of_angle
+from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_VIEWS
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.registration.thresholds import NOISE_LEVELS
@@ -108,3 +110,10 @@ def bare_face(strip: Floats, place: Mask) -> Floats:
     plain = (low + high) / 2 if count.all() else np.where(count > 0, (low + high) / 2, np.median(strip))
     face: Floats = np.where(place, plain, strip).astype(np.float32)
     return face
+
+
+def face_behind(face: Floats, grid: PolarGrid, at_deg: float | None, rows: int) -> Floats:
+    """(rows, C): the face where a needle's template was cut; for a cropped picture, the median of the dial."""
+    if at_deg is None:
+        return np.broadcast_to(median_of(face), (rows, face.shape[1])).astype(np.float32)
+    return rows_at(face, row_of_angle(grid, at_deg) + np.arange(rows) - (rows - 1) / 2)

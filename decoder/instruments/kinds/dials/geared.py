@@ -16,8 +16,7 @@ import numpy as np
 
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid
-from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, STATUSES, Found, Needle
-from decoder.instruments.kinds.dials.stack import all_above
+from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, STATUSES, Found, Needle, all_above
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import partial_normxcorr

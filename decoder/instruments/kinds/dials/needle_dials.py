@@ -19,6 +19,7 @@ from decoder.instruments.appearance import (
 )
 from decoder.instruments.found import Found, Needle, readings_of
 from decoder.instruments.kinds.dials.geared import GearedReader
+from decoder.instruments.kinds.dials.geared_learning import learn_hidden_hand
 from decoder.instruments.kinds.dials.needles import NeedleReader, is_simple
 from decoder.instruments.kinds.dials.stack import StackReader, without_dial
 from decoder.instruments.needle_lines import pivot_of_tilts, tilts_of
@@ -81,6 +82,9 @@ class NeedleKind:
     ) -> Mapping[str, LearnedPicture]:
         return {}
 
+    def hidden_look(self, _: Instrument, __: Appearance, ___: Sequence[UnwrappedGauge]) -> Look | None:
+        return None
+
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
         gauge, grid, face = instrument.gauge, instrument.grid, instrument.face
         return pivot_of_tilts(tilts_of(gauge, grid, face, appearance.templates, frames))
@@ -132,6 +136,11 @@ class GearedKind(NeedleKind):
         look = needles_in_picture(drawn)
         ended = {name: without_dial(template, drawn.grid) for name, template in look.templates.items()}
         return replace(look, templates=ended)
+
+    def hidden_look(
+        self, instrument: Instrument, appearance: Appearance, strips: Sequence[UnwrappedGauge]
+    ) -> Look | None:
+        return learn_hidden_hand(instrument, appearance, strips)
 
     def owns(self, gauge: Gauge) -> bool:
         return gauge.combination is not None and len(gauge.combination.parts) == len(gauge.needles)

@@ -36,7 +36,6 @@ from decoder.instruments.appearance import (
     LearnedPicture,
     Look,
     Still,
-    face_behind,
     needles_in_picture,
 )
 from decoder.instruments.kind import Kind
@@ -64,7 +63,7 @@ from decoder.instruments.thresholds import (
     NEEDLE_PART,
 )
 from decoder.matching.correlation import normxcorr, partial_normxcorr
-from decoder.matching.faces import learn_face
+from decoder.matching.faces import face_behind, learn_face
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_at

@@ -18,7 +18,7 @@ import numpy as np
 
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, needle_places, opposite_rows, same_rows
-from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
+from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle, all_above
 from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
 from decoder.matching.layered_dial import DialComparison
@@ -409,16 +409,6 @@ def _beyond_tip(covered: Mask) -> Mask:
     ends = np.flatnonzero(bare[:-2] & bare[1:-1] & bare[2:] & (np.cumsum(covered)[:-2] > 0))
     first = int(ends[0]) + 1 if ends.size else len(covered)  # the tip's own blurred edge belongs to the needle
     return np.arange(len(covered)) >= first
-
-
-def all_above(needles: Sequence[Needle], names: Sequence[str], index: int) -> tuple[int, ...]:
-    """Return the needles above one, the nearest first."""
-    above: list[int] = []
-    cover = needles[index].covered_by
-    while cover is not None:
-        above.append(names.index(cover))
-        cover = needles[above[-1]].covered_by
-    return tuple(above)
 
 
 def _draw(picture: Floats, light: Floats, transparency: Floats, row: float) -> None:
