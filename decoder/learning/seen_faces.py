@@ -36,7 +36,7 @@ from decoder.matching.thresholds import MIN_VIEWS, MIN_VISIBLE
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer
-from decoder.panel.scale import FULL_CIRCLE_DEG, Gearing, shortest
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.thresholds import NOISE_LEVELS
 
 # The dial behind a needle is taken from the third of the frames that differ most there from the panel picture.
@@ -265,17 +265,16 @@ def _goes_along(needle: Pointer, gauge: Gauge, found: Found) -> bool:
 
     A ten thousand feet pointer turns by 4 degrees in 1,000 feet: it seems still, but print would not move at all.
     """
-    if gauge.combination is None or needle.name not in gauge.combination.parts[1:]:
+    gearing = gauge.gearing
+    if gearing is None or needle.name not in gearing.names[1:]:
         return False
-    gearing = Gearing(gauge.quantities, gauge.combination)
     both = [(own[needle.name], own[gearing.name]) for own in found if own[needle.name].status is Status.READ]
     told = [(hand.angle_deg, value.angle_deg) for hand, value in both if value.status is not Status.MISSING]
     if len(told) < FRAMES_TO_LEARN:
         return False
     hand_deg, value_deg = np.array(told).T
-    off_deg = hand_deg - gearing.angles_deg(gearing.names.index(needle.name), gearing.value_at(value_deg))
-    off_deg, moved_deg = (shortest(each - each[0], FULL_CIRCLE_DEG) for each in (off_deg, hand_deg))
-    return bool(np.var(moved_deg) > CLEARLY_WORSE * np.var(off_deg))
+    moved, strayed = gearing.variances(gearing.names.index(needle.name), hand_deg, gearing.value_at(value_deg))
+    return moved > CLEARLY_WORSE * strayed
 
 
 def _may_be_bared(

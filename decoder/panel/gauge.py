@@ -28,6 +28,7 @@ from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
     MOST_POINTS,
     Combination,
+    Gearing,
     Marks,
     Quantity,
     check_turn,
@@ -273,6 +274,14 @@ class Gauge(Strict):
         )
         names = tuple(part.name for part in parts)
         return Combination(quantity, names, turn, own.tolerance)
+
+    @property
+    def gearing(self) -> Gearing | None:
+        """How the pointers of a combined value follow from it, if there is one."""
+        if self.combination is None:
+            return None
+        drawn_deg = {pointer.name: pointer.at_deg for pointer in self.turning if pointer.at_deg is not None}
+        return Gearing.of(self.quantities, self.combination, drawn_deg)
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Self:
         """Return the gauge with every drawn angle replaced by the true one."""

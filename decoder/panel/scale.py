@@ -6,10 +6,10 @@ A part of the panel format, see `decoder.panel.panel`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -277,6 +277,7 @@ class Combination:
     tolerance: float
 
 
+@dataclass(frozen=True, slots=True)
 class Gearing:
     """How the hands of one dial, the finest first, follow from its value, as in an altimeter or a clock.
 
@@ -285,19 +286,56 @@ class Gearing:
 
     Attributes
     ----------
-    name, names
-        Of the value, and of the hands.
+    quantity, names
+        The value, and the names of the hands.
+    scales
+        Of the hands.
     turns
         The value of a turn of each hand.
+    off
+        How much more each hand tells than the finer ones do, because it and its marks are drawn so far off.
+    tolerance
+        In turns of the finer of two hands.
     """
 
-    def __init__(self, quantities: Sequence[Quantity], combination: Combination) -> None:
+    quantity: Quantity
+    names: tuple[str, ...]
+    scales: tuple[Scale, ...]
+    turns: tuple[float, ...]
+    off: tuple[float, ...]
+    tolerance: float
+
+    @classmethod
+    def of(cls, quantities: Sequence[Quantity], combination: Combination, drawn_deg: Mapping[str, float]) -> Self:
+        """Make the gearing of a combined value from its hands, and from where they are drawn in the panel picture.
+
+        There they show one value. What they contradict each other by, if that is tolerable, is how far they are drawn
+        off. A hand with a picture of its own is not drawn there, and then nothing is known of that.
+        """
         by_name = {quantity.name: quantity for quantity in quantities}
         parts = [by_name[name] for name in combination.parts]
-        self._scales = [Scale.of(part.marks, part.wraps) for part in parts]
-        self.turns = [part.wraps or 0.0 for part in parts]
-        self.names, self.name = combination.parts, combination.quantity.name
-        self._tolerance, self._quantity = combination.tolerance, combination.quantity
+        scales = tuple(Scale.of(part.marks, part.wraps) for part in parts)
+        turns = tuple(part.wraps or 0.0 for part in parts)
+        off = [0.0] * len(parts)
+        if drawn_deg.keys() >= set(combination.parts):
+            at_deg = [drawn_deg[part.name] for part in parts]
+            told = [float(scale.values_at(np.array(at))) for scale, at in zip(scales, at_deg, strict=True)]
+            for hand, finer in enumerate(turns[:-1], 1):
+                more = float(shortest(np.array(told[hand] - (told[hand - 1] - off[hand - 1])), finer))
+                off[hand] = more if abs(more) <= combination.tolerance * finer else 0.0
+        return cls(combination.quantity, combination.parts, scales, turns, tuple(off), combination.tolerance)
+
+    def without(self, name: str) -> Gearing:
+        """Return the gearing of all hands but one."""
+        kept = [hand for hand, own in enumerate(self.names) if own != name]
+        names, turns = tuple(self.names[hand] for hand in kept), tuple(self.turns[hand] for hand in kept)
+        scales, off = tuple(self.scales[hand] for hand in kept), tuple(self.off[hand] for hand in kept)
+        return replace(self, names=names, scales=scales, turns=turns, off=off)
+
+    @property
+    def name(self) -> str:
+        """The name of the value."""
+        return self.quantity.name
 
     @property
     def share(self) -> float:
@@ -312,19 +350,19 @@ class Gearing:
     def values(self, finest_deg: Floats) -> Floats:
         """(..., T): all values at which the finest hand points in these directions, (...)."""
         within = self.within(0, finest_deg)[..., None] + self.turns[0] * np.arange(round(self.turn / self.turns[0]))
-        return in_turn(within, self.turn, self._quantity.lowest)
+        return in_turn(within, self.turn, self.quantity.lowest)
 
     def within(self, hand: int, angles_deg: Floats) -> Floats:
         """Return what a hand tells by itself, within one turn of it."""
-        return self._scales[hand].values_at(angles_deg)
+        return self.scales[hand].values_at(angles_deg) - self.off[hand]
 
     def angles_deg(self, hand: int, values: Floats) -> Floats:
         """Return where a hand points at these values."""
-        return self._scales[hand].angles_of(values)
+        return self.scales[hand].angles_of(values + self.off[hand])
 
     def tolerance_deg(self, hand: int) -> float:
         """Return how far a hand may be from where the next finer one puts it."""
-        return self._tolerance * FULL_CIRCLE_DEG * self.turns[max(hand - 1, 0)] / self.turns[hand]
+        return self.tolerance * FULL_CIRCLE_DEG * self.turns[max(hand - 1, 0)] / self.turns[hand]
 
     def counted(self, angles_deg: Floats) -> Floats:
         """(...): the values of all hands (..., K) together: the whole from the coarsest, refined by each finer one."""
@@ -336,32 +374,38 @@ class Gearing:
 
     def measured(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
         """(...): the values nearest to given ones, (...), at which one of the hands (..., K) points as it does."""
-        return in_turn(values + self._off(hand, angles_deg, values), self.turn, self._quantity.lowest)
+        return in_turn(values + self._stray(hand, angles_deg, values), self.turn, self.quantity.lowest)
 
     def agrees(self, values: Floats, angles_deg: Floats, sigmas_deg: Floats, seen: Mask) -> Mask:
         """(...): whether all visible hands (..., K) point where the values put them, and distinguish turns."""
         agrees = np.ones(np.shape(values), bool)
         for hand in range(1, seen.shape[-1]):
             finer = self.turns[hand - 1]
-            off = np.abs(self._off(hand, angles_deg, values))
+            off = np.abs(self._stray(hand, angles_deg, values))
             doubt = off + SURE_SIGMAS * self.sigma(hand, angles_deg, sigmas_deg)
-            agrees &= ~(seen[..., hand] & ((off > self._tolerance * finer) | (doubt > finer / 2)))
+            agrees &= ~(seen[..., hand] & ((off > self.tolerance * finer) | (doubt > finer / 2)))
         return agrees
 
-    def _off(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
+    def variances(self, hand: int, angles_deg: Floats, values: Floats) -> tuple[float, float]:
+        """Return by how much a hand (N,) moves, and by how much it strays from where values (N,) put it, degrees^2."""
+        off_deg = angles_deg - self.angles_deg(hand, values)
+        moved, strayed = (np.var(shortest(each - each[0], FULL_CIRCLE_DEG)) for each in (angles_deg, off_deg))
+        return float(moved), float(strayed)
+
+    def _stray(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
         """(...): how far values are from what a hand tells by itself, the short way round."""
         return shortest(self.within(hand, angles_deg[..., hand]) - values, self.turns[hand])
 
     def sigma(self, hand: int, angles_deg: Floats, sigmas_deg: Floats) -> Floats:
         """(...): the uncertainty of what one of the hands (..., K) tells by itself."""
-        sigmas: Floats = np.abs(self._scales[hand].slopes_at(angles_deg[..., hand])) * sigmas_deg[..., hand]
+        sigmas: Floats = np.abs(self.scales[hand].slopes_at(angles_deg[..., hand])) * sigmas_deg[..., hand]
         return sigmas
 
     def circle_deg(self, value: float) -> float:
         """Return a value as an angle, from the lowest on, on the circle that is one turn of the coarsest hand."""
-        return (value - self._quantity.lowest) / self.turn * FULL_CIRCLE_DEG
+        return (value - self.quantity.lowest) / self.turn * FULL_CIRCLE_DEG
 
     def value_at(self, circle_deg: Floats) -> Floats:
         """Return the values at angles on that circle; reverses `circle_deg`."""
-        values: Floats = self._quantity.lowest + circle_deg / FULL_CIRCLE_DEG * self.turn
+        values: Floats = self.quantity.lowest + circle_deg / FULL_CIRCLE_DEG * self.turn
         return values

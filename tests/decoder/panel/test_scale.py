@@ -114,6 +114,22 @@ def test_value_is_told_by_where_its_hands_point(value: float, off_deg: float) ->
     assert gearing.circle_deg(float(told)) == pytest.approx((told + 500.0) / 10_000.0 * 360.0)
 
 
+@given(value=st.floats(-500.0, 9499.0), drawn_off_deg=st.floats(-7.0, 7.0))
+def test_what_hands_contradict_each_other_by_as_drawn_is_taken_off(value: float, drawn_off_deg: float) -> None:
+    """A hand that is drawn off, and its scale, tell as much more in every frame: it agrees where it moved along."""
+    described = ALTIMETER.model_dump(exclude_unset=True)
+    coarse, finest = described["needles"]
+    drawn = gearing_of(ALTIMETER).within(0, np.array(finest["template"]["at"]))
+    at_deg = float(gearing_of(ALTIMETER).angles_deg(1, drawn + 3000.0)) + drawn_off_deg
+    coarse["template"] = {"at": at_deg, "span": 20}
+    gearing = gearing_of(Gauge.model_validate(described))
+    finest_deg = float(gearing.angles_deg(0, np.array(value)))
+    coarse_deg = float(gearing_of(ALTIMETER).angles_deg(1, np.array(value))) + drawn_off_deg
+
+    assert gearing.agrees(np.array(value), np.array([finest_deg, coarse_deg]), np.zeros(2), np.ones(2, bool))
+    assert float(gearing.angles_deg(1, np.array(value))) % 360 == pytest.approx(coarse_deg % 360)
+
+
 @given(direction_deg=st.floats(270.0, 629.0))
 def test_direction_of_the_finest_hand_leaves_as_many_values_as_it_makes_turns(direction_deg: float) -> None:
     """Each is one turn of it apart, all within the dial's own turn."""

@@ -49,8 +49,8 @@ class Together:
 
 def gearing_of(gauge: Gauge) -> Gearing:
     """Return the gearing of a gauge whose panel combines its hands."""
-    assert gauge.combination is not None  # noqa: S101 - only called for gauges with a combination
-    return Gearing(gauge.quantities, gauge.combination)
+    assert gauge.gearing is not None  # noqa: S101 - only called for gauges with a combination
+    return gauge.gearing
 
 
 def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
@@ -112,9 +112,9 @@ class _Placed:
 class GearedReader:
     """Reads the hands of one gauge, all of which tell one value."""
 
-    def __init__(self, needles: Sequence[Needle]) -> None:
+    def __init__(self, needles: Sequence[Needle], gearing: Gearing | None = None) -> None:
         grid, names = needles[0].grid, [needle.name for needle in needles]
-        self.gearing = gearing_of(needles[0].gauge)
+        self.gearing = gearing or gearing_of(needles[0].gauge)
         self._grid: PolarGrid = grid
         self._turn = round(FULL_CIRCLE_DEG / grid.step_deg)
         self._first = (grid.rows - self._turn) // 2

@@ -96,17 +96,13 @@ class _Told:
 
     def goes_along(self, name: str) -> bool:
         """Whether a hand moves as the value says rather than not at all."""
-        hand = gearing_of(self.gauge).names.index(name)
+        gearing = gearing_of(self.gauge)
+        hand = gearing.names.index(name)
         frames = self.is_read[:, hand]
         if frames.sum() < FRAMES_TO_LEARN:
             return False
-        off_deg, moved_deg = self._off_deg(hand)[frames], self.angles_deg[frames, hand]
-        off_deg, moved_deg = (shortest(each - each[0], FULL_CIRCLE_DEG) for each in (off_deg, moved_deg))
-        return bool(np.var(moved_deg) > CLEARLY_WORSE * np.var(off_deg))
-
-    def _off_deg(self, hand: int) -> Floats:
-        """(F,): how far a hand is from where the value puts it."""
-        return self.angles_deg[:, hand] - gearing_of(self.gauge).angles_deg(hand, self.values)
+        moved, strayed = gearing.variances(hand, self.angles_deg[frames, hand], self.values[frames])
+        return moved > CLEARLY_WORSE * strayed
 
 
 def _read(
@@ -154,6 +150,7 @@ class _HiddenHand:
     def __init__(self, instrument: Instrument, appearance: Appearance, name: str) -> None:
         self._instrument, self._appearance, self._name = instrument, appearance, name
         self._others = replace(instrument, gauge=without(instrument.gauge, name))
+        self._gearing = gearing_of(instrument.gauge).without(name)
 
     def learned(self, strips: Sequence[UnwrappedGauge]) -> Iterator[Look]:
         """Learn it from frames in which all others are read, then these too: one may be cut out with it."""
@@ -179,7 +176,7 @@ class _HiddenHand:
         """Read the other hands; None if that succeeds in too few frames."""
         gauge, grid, templates = self._others.gauge, self._others.grid, self._appearance.templates
         needles = self._others.needles(self._appearance)
-        values, hands = _read(_SomeHands(needles), needles, strips)
+        values, hands = _read(_SomeHands(needles, self._gearing), needles, strips)
         frames = [
             frame
             for frame, (value, readings) in enumerate(zip(values, hands, strict=True))
@@ -199,7 +196,7 @@ class _HiddenHand:
 
     def _at_deg(self, told_deg: Floats) -> Floats:
         """(N, P): where the hand may be, given what the others tell, (N,)."""
-        gearing, others = gearing_of(self._instrument.gauge), gearing_of(self._others.gauge)
+        gearing, others = gearing_of(self._instrument.gauge), self._gearing
         hand = gearing.names.index(self._name)
         turns = max(round(gearing.turns[hand] / others.turn), 1)
         values = others.value_at(told_deg)[:, None] + others.turn * np.arange(turns)
