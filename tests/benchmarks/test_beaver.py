@@ -93,6 +93,16 @@ def test_geared_hand_that_the_panel_picture_hides_is_learned_where_the_others_pu
     assert flown.off["altitude_ft"] < 0.2  # of 100,000 ft
 
 
+def test_hidden_hand_is_learned_though_the_hand_over_it_is_drawn_carelessly(tmp_path: Path) -> None:
+    """Cut out with what it covers, around a hub that is drawn off, the pointer of hundreds matches badly."""
+    careless = partial(CarelessClicks, missed_px=1.2, seed=3)
+    flown = decoded("beaver_night", drawn(tmp_path, "beaver_night", ["altimeter"], 33, careless))
+
+    assert flown.reads["altitude_ft"].valued >= VALUED
+    assert flown.reads["altitude_ft"].within_95 >= WITHIN
+    assert flown.off["altitude_ft"] < 0.2  # of 100,000 ft
+
+
 def test_pitch_is_read_though_the_symbol_covers_the_horizon_of_the_panel_picture(tmp_path: Path) -> None:
     """The horizon is put together from the frames that match such a picture best, few as match it well."""
     flown = decoded("beaver_night", drawn(tmp_path, "beaver_night", ["attitude"], 9))

@@ -86,7 +86,7 @@ class _Guesses:
 
 
 @dataclass(frozen=True, slots=True)
-class _Placed:
+class Placed:
     """Hands as fitted, each given the others, and how much of their contrast is visible: (F, K) each."""
 
     row: Floats
@@ -234,19 +234,19 @@ class GearedReader:
             np.concatenate([order[is_geared == first][:LIKELY] for first in (is_geared[0], not is_geared[0])])
         )
 
-    def _settled(self, dials: Floats, rows: Floats) -> _Placed:
+    def _settled(self, dials: Floats, rows: Floats) -> Placed:
         """Fit all hands in F frames from starting rows (F, K), each given the others, from the uppermost down."""
         rows = rows.copy()
-        placed: dict[int, _Placed] = {}
+        placed: dict[int, Placed] = {}
         for _ in range(ROUNDS):
             for layer in range(len(self._order) - 1, -1, -1):
                 hand = self._order[layer]
                 placed[hand] = self._fitted(dials, rows, layer)
                 rows[:, hand] = placed[hand].row
         by_hand = [placed[hand] for hand in range(len(placed))]
-        return _Placed(*(np.stack([getattr(own, each.name) for own in by_hand], axis=1) for each in fields(_Placed)))
+        return Placed(*(np.stack([getattr(own, each.name) for own in by_hand], axis=1) for each in fields(Placed)))
 
-    def _fitted(self, dials: Floats, rows: Floats, layer: int) -> _Placed:
+    def _fitted(self, dials: Floats, rows: Floats, layer: int) -> Placed:
         """Fit one hand given those below and above it: (F,) each."""
         hand = self._order[layer]
         template, drawn_rows = self._templates[hand], rows[:, self._order]
@@ -260,7 +260,7 @@ class GearedReader:
         found = settle(fit, rows[:, hand], (-self._turn, 2 * self._turn), self._reach_rows[hand])
         row = np.where(found.is_settled, found.row, rows[:, hand])
         visible = self._visible_part(row, layer, behind, masks)
-        return _Placed(row, found.sigma_rows, np.nan_to_num(found.score), visible, found.is_settled)
+        return Placed(row, found.sigma_rows, np.nan_to_num(found.score), visible, found.is_settled)
 
     def _around(self, drawn_rows: Floats, layer: int) -> tuple[Floats, Floats]:
         """(F, N, C') each: what lies behind a hand, and where none lies over it; hands on rows (F, K), lowest first."""
@@ -292,7 +292,7 @@ class GearedReader:
         windows: Floats = seen.reshape(len(which), -1)
         return windows
 
-    def _judged(self, seen: Floats, guesses: _Guesses, placed: _Placed) -> Together:
+    def _judged(self, seen: Floats, guesses: _Guesses, placed: Placed) -> Together:
         """Judge the hands of F thinned dials (F, N', C') and their values by what else would explain the dials.
 
         The first guess of each frame is the one that was fitted.

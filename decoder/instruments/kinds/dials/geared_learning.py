@@ -18,7 +18,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, needle_places, row_of_angle, turn_rows
 from decoder.instruments.appearance import Appearance, Instrument, Look
 from decoder.instruments.found import Needle, readings_of
-from decoder.instruments.kinds.dials.geared import GearedReader, gearing_of
+from decoder.instruments.kinds.dials.geared import GearedReader, Placed, gearing_of
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN
@@ -28,6 +28,7 @@ from decoder.matching.strips import rows_of_each
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 
 class _SomeHands(GearedReader):
@@ -35,6 +36,12 @@ class _SomeHands(GearedReader):
 
     They do not explain the dial without it, so neither what is left over nor what else would explain it counts.
     """
+
+    def _settled(self, dials: Floats, rows: Floats) -> Placed:
+        placed = super()._settled(dials, rows)
+        # a hand that was cut out together with the hidden one matches worse without it
+        is_likely = placed.score >= LIKELY_SCORE
+        return replace(placed, score=np.where(is_likely, np.maximum(placed.score, SCORE_THRESHOLD), placed.score))
 
     def _rivals(self, seen: Floats, rows: Floats, others: Floats) -> Mask:
         del seen, rows
