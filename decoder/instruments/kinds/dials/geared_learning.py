@@ -7,7 +7,6 @@ hand, at one of a few places a turn of the next finer hand apart, of which it is
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -66,8 +65,11 @@ def learn_hidden_hand(instrument: Instrument, appearance: Appearance, strips: Se
     value; print that is taken for a hand stays where it is. Else None.
     """
     told, best = _Told.by(instrument, appearance, strips).count, None
+    drawn_deg = {needle.name: needle.at_deg for needle in instrument.gauge.turning if needle.at_deg is not None}
     for name in gearing_of(instrument.gauge).names[1:]:
-        for look in _HiddenHand(instrument, appearance, name).learned(strips):
+        if name not in drawn_deg:  # its own picture shows it
+            continue
+        for look in _HiddenHand(instrument, appearance, name, drawn_deg[name]).learned(strips):
             after = replace(appearance, templates={**appearance.templates, **look.templates})
             frames = _Told.by(replace(instrument, face=look.face), after, strips)
             if frames.count > max(told, FRAMES_TO_LEARN) and frames.goes_along(name):
@@ -120,12 +122,6 @@ def _read(
     return together.values, readings_of(together.hands, needles, np.zeros(together.hands.row.shape))
 
 
-def _drawn_deg(gauge: Gauge, name: str) -> float:
-    """Return where a hand is drawn; NaN if it has a picture of its own."""
-    at_deg = next(needle.at_deg for needle in gauge.turning if needle.name == name)
-    return math.nan if at_deg is None else at_deg
-
-
 @dataclass(frozen=True, slots=True)
 class _Views:
     """A hand that is not known yet, in N frames in which the others were read.
@@ -154,8 +150,9 @@ class _Views:
 class _HiddenHand:
     """One hand of a gauge, to be learned where the others put it."""
 
-    def __init__(self, instrument: Instrument, appearance: Appearance, name: str) -> None:
+    def __init__(self, instrument: Instrument, appearance: Appearance, name: str, drawn_deg: float) -> None:
         self._instrument, self._appearance, self._name = instrument, appearance, name
+        self._drawn_deg = drawn_deg
         self._others = replace(instrument, gauge=without(instrument.gauge, name))
         self._gearing = gearing_of(instrument.gauge).without(name)
 
@@ -213,8 +210,7 @@ class _HiddenHand:
 
     def _chosen(self, views: _Views) -> Floats:
         """(N,): the places nearest to where the hand is drawn: only the coarsest has several, and it moves slowly."""
-        drawn_deg = _drawn_deg(self._instrument.gauge, self._name)
-        away_deg = np.abs(shortest(views.at_deg - drawn_deg, FULL_CIRCLE_DEG))
+        away_deg = np.abs(shortest(views.at_deg - self._drawn_deg, FULL_CIRCLE_DEG))
         nearest: Floats = np.take_along_axis(views.at_deg, away_deg.argmin(axis=1)[:, None], axis=1)[:, 0]
         return nearest
 
