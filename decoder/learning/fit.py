@@ -33,6 +33,7 @@ from decoder.learning.drawn_points import (
     uneven_deg,
 )
 from decoder.learning.flight_appearance import (
+    is_lost,
     kept_where_better,
     learn_appearance,
     learn_hidden_looks,
@@ -159,7 +160,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
     del begun
-    first = last.pivots
+    first, known = last.pivots, _known(last, paths, paths)
     for round_ in range(1, rounds):
         before, log_odds = log_odds, _log_odds(reader, samples, gauges, paths)
         paths = [path.next(pivot) for path, pivot in zip(paths, last.pivots, strict=True)]
@@ -171,6 +172,16 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         tell(f"finding where needles turn, round {round_}")
         del reader, samples, last  # frees memory for those of the next round
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
+        last = _learned(reader, samples, paths)
+        known = _known(last, paths, known)
+    back = [path.back_to(other) for path, other in zip(paths, known, strict=True)]
+    if any(path.step_px for path in back):
+        tell("going back to where needles turned before they were lost")
+        around = around_pivots(
+            last.reader, [path.step_px for path in back], drawn=seen_from_pivots(gauges, back, log_odds)
+        )
+        del reader, samples, last
+        reader, samples, paths = around, unwrapped(around, sample(frames_wanted(around.placement))), back
         last = _learned(reader, samples, paths)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
     told = seen_from_pivots(gauges, paths, log_odds)
@@ -198,6 +209,12 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         has_points=log_odds > 0.0,
         sampled=len(samples),
     )
+
+
+def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[PivotPath]) -> list[PivotPath]:
+    """By gauge: the last path on which it was read in most frames; as `before` if it is not now."""
+    gauges = last.reader.source.panel.gauges
+    return [old if is_lost(gauge, last.found) else path for gauge, path, old in zip(gauges, paths, before, strict=True)]
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:

@@ -147,7 +147,7 @@ def learn_hidden_looks(
     faces, templates = list(before.faces), dict(before.templates)
     for index, (gauge, grid, seen) in enumerate(zip(reader.source.panel.gauges, reader.grids, views, strict=True)):
         strips = [strip for strip in seen if strip is not None]
-        if len(strips) < FRAMES_TO_LEARN or not _is_lost(gauge, found):
+        if len(strips) < FRAMES_TO_LEARN or not is_lost(gauge, found):
             continue
         look = kind_of(gauge).hidden_look(Instrument(index, gauge, grid, before.faces[index]), before, strips)
         if look is not None:
@@ -158,7 +158,7 @@ def learn_hidden_looks(
     return reader, _read(reader, samples)
 
 
-def _is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
+def is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
     """Whether something that a gauge tells is missing in most frames."""
     together = () if gauge.combination is None else (gauge.combination.quantity,)
     missing = [[own[each.name].status is Status.MISSING for own in found] for each in (*gauge.quantities, *together)]

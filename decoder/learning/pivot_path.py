@@ -91,6 +91,11 @@ class PivotPath:
         x, y = pivot.shrunk_px.tolist()
         return replace(self, moved_px=(self.moved_px[0] + x, self.moved_px[1] + y), step_px=(x, y))
 
+    def back_to(self, earlier: PivotPath) -> PivotPath:
+        """Step back to where the pivot was; no step if it still is there."""
+        (x0, y0), (x1, y1) = self.beside_px, earlier.beside_px
+        return replace(earlier, step_px=None if (x0, y0) == (x1, y1) else (x1 - x0, y1 - y0))
+
     def with_doubt(self, pivot: Pivot, first: Pivot) -> Pivot:
         """Add to a pivot's covariance what its steps leave uncertain; `first` is the estimate behind the first step."""
         if not self.was_moved:

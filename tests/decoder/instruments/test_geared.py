@@ -224,6 +224,50 @@ def test_flight_in_which_the_coarsest_pointer_hardly_moves_is_read_from_any_pict
     assert max(off_ft) < 10.0
 
 
+TWO_POINTERS = ALTIMETER | {
+    "combined": {"name": "altitude_ft", "needles": ["hundreds_ft", "thousands_ft"]},
+    "needles": ALTIMETER["needles"][1:],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("root_half", "level", "hidden_ft"), [(7.0, 110.0, 6_667.0), (7.0, 215.0, 6_667.0), (12.0, 110.0, 6_660.0)]
+)
+@pytest.mark.parametrize("climbs", [True, False], ids=["down and up", "anywhere"])
+def test_coarsest_pointer_that_the_panel_picture_hides_is_learned_though_it_moves_far(
+    root_half: float, level: float, hidden_ft: float, *, climbs: bool
+) -> None:
+    """At 6,667 ft both lie on each other; the long one tells hundreds of feet, and ten places where the other may be.
+
+    It is not at the one nearest to where it is drawn, as a slow one would be, but where all frames show the same. A
+    dim one is not read without that, nor is the long one where a bright one explains more of the dial.
+    """
+    forms, rng = (Hand(tip=34.0, root_half=root_half, tip_half=0.5, level=level), FORMS[2]), np.random.default_rng(23)
+    altitudes_ft = rng.permutation(6_180.0 + 3_600.0 * np.abs(np.linspace(-1.0, 1.0, 40)))
+    if not climbs:
+        altitudes_ft = rng.uniform(0.0, 9_999.0, 40)
+
+    def picture(altitude_ft: float, seed: int) -> GreyPicture:
+        return drawn(angles_of(altitude_ft)[1:], forms, seed)
+
+    needles = [
+        {**needle, "template": {**needle["template"], "at": 270.0 + (angle_deg - 270.0) % 360.0}}
+        for needle, angle_deg in zip(TWO_POINTERS["needles"], angles_of(hidden_ft)[1:], strict=True)
+    ]
+    frames = [picture(altitude_ft, seed) for seed, altitude_ft in enumerate(altitudes_ft[:16], start=1)]
+    drawn_on = reader_for([TWO_POINTERS | {"needles": needles}], picture(hidden_ft, 0))
+    reader = fit_to_flight(drawn_on, lambda _: frames).reader
+    off_ft = []
+    for seed, altitude_ft in enumerate(altitudes_ft[16:].tolist(), start=50):
+        reading = read_picture(reader, picture(altitude_ft, seed)).readings["altitude_ft"]
+        if reading.status is not Status.MISSING:
+            off_ft.append(apart(reading.angle_deg / 360.0 * 10_000.0, altitude_ft, 10_000.0))
+
+    assert len(off_ft) >= 0.8 * len(altitudes_ft[16:])
+    assert max(off_ft) < 10.0
+
+
 CLOCK: dict[str, Any] = {
     "name": "clock",
     "radius": [12, 66],

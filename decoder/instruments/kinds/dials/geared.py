@@ -74,15 +74,15 @@ def _reading(gearing: Gearing, status: Status, value: float, sigma: float, score
 
 
 @dataclass(frozen=True, slots=True)
-class _Guesses:
+class Guesses:
     """M ways to explain each frame: the hands' rows (..., M, K), and values (..., M), NaN where hands disagree."""
 
     rows: Floats
     values: Floats
 
-    def part(self, which: Indices | int) -> _Guesses:
+    def part(self, which: Indices | int) -> Guesses:
         """Return some of them."""
-        return _Guesses(self.rows[which], self.values[which])
+        return Guesses(self.rows[which], self.values[which])
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ class GearedReader:
         dials = self._once_around(strips)
         thin = self._thin.thinned(dials)
         likely = [self._likely(dial, tried.part(frame)) for frame, dial in enumerate(thin)]
-        guesses = _Guesses(*(np.stack([getattr(own, each.name) for own in likely]) for each in fields(_Guesses)))
+        guesses = Guesses(*(np.stack([getattr(own, each.name) for own in likely]) for each in fields(Guesses)))
         return self._judged(thin, guesses, self._settled(dials, guesses.rows[:, 0]))
 
     def _once_around(self, strips: Floats) -> Floats:
@@ -174,18 +174,18 @@ class GearedReader:
         scores, _ = partial_normxcorr(np.ascontiguousarray(seen), np.ascontiguousarray(face), template)
         return scores
 
-    def _tried(self, scores: Sequence[Floats]) -> _Guesses:
-        """Return the ways to explain F frames that the hands' scores, (F, N') each, suggest."""
+    def _tried(self, scores: Sequence[Floats]) -> Guesses:
+        """Return what the hands' scores, (F, N') each, suggest for F frames: what is geared first, by score."""
         finest, *others = scores
         directions = _refined(finest, _peaks(finest, DIRECTIONS))
         values = self.gearing.values(self._angles_deg(directions))
         middles = [self._rows(self.gearing.angles_deg(hand, values)) / COARSE_STEP for hand in range(1, len(scores))]
         near = [self._near(own, hand) for hand, own in enumerate(others, 1)]
-        total = np.zeros(values.shape)
+        total = np.zeros(values.shape) + np.maximum(_at(finest, directions / COARSE_STEP), 0.0)[..., None] ** 2
         for middle, (score, _) in zip(middles, near, strict=True):
             total += np.maximum(_at(score, middle), 0.0) ** 2
         top = np.argsort(-total, axis=-1, kind="stable")[..., :TURNS]
-        values = np.take_along_axis(values, top, axis=-1)
+        values, total = (np.take_along_axis(each, top, axis=-1) for each in (values, total))
         middles = [np.take_along_axis(each, top, axis=-1) for each in middles]
         geared = [np.broadcast_to(directions[..., None], top.shape)]
         for hand, (middle, (_, place)) in enumerate(zip(middles, near, strict=True), 1):
@@ -195,9 +195,11 @@ class GearedReader:
         anywhere = [directions, *(_refined(own, _peaks(own, ANYWHERE)) for own in others)]
         frames = len(directions)
         free = np.stack([own.reshape(frames, -1) for own in np.broadcast_arrays(*_each_with_each(anywhere))], axis=-1)
-        rows = np.concatenate([np.stack(geared, axis=-1).reshape(frames, -1, len(scores)), free], axis=1)
-        told = np.concatenate([values.reshape(frames, -1), np.full(free.shape[:2], np.nan)], axis=1)
-        return _Guesses(rows, told)
+        best = np.argsort(-total.reshape(frames, -1), axis=1, kind="stable")
+        together = np.stack(geared, axis=-1).reshape(frames, -1, len(scores))
+        rows = np.concatenate([np.take_along_axis(together, best[..., None], axis=1), free], axis=1)
+        told = np.take_along_axis(values.reshape(frames, -1), best, axis=1)
+        return Guesses(rows, np.concatenate([told, np.full(free.shape[:2], np.nan)], axis=1))
 
     def _slack(self, hand: int) -> float:
         """How many coarse rows a hand may be from where the next finer one puts it."""
@@ -215,7 +217,7 @@ class GearedReader:
             scores, _climbed(scores, at)
         ) / COARSE_STEP
 
-    def _likely(self, seen: Floats, guesses: _Guesses) -> _Guesses:
+    def _likely(self, seen: Floats, guesses: Guesses) -> Guesses:
         """Return the guesses that explain a thinned dial best, best first, some that obey the gearing and some not.
 
         Hands that contradict the gearing must explain it clearly better to come first.
@@ -292,7 +294,7 @@ class GearedReader:
         windows: Floats = seen.reshape(len(which), -1)
         return windows
 
-    def _judged(self, seen: Floats, guesses: _Guesses, placed: Placed) -> Together:
+    def _judged(self, seen: Floats, guesses: Guesses, placed: Placed) -> Together:
         """Judge the hands of F thinned dials (F, N', C') and their values by what else would explain the dials.
 
         The first guess of each frame is the one that was fitted.

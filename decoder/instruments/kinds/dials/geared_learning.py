@@ -17,14 +17,15 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, needle_places, row_of_angle, turn_rows
 from decoder.instruments.appearance import Appearance, Instrument, Look
 from decoder.instruments.found import Needle, readings_of
-from decoder.instruments.kinds.dials.geared import GearedReader, Placed, gearing_of
+from decoder.instruments.kinds.dials.geared import GearedReader, Guesses, Placed, gearing_of
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN
 from decoder.matching.needle_layer import layer_over
+from decoder.matching.needle_search import COARSE_STEP
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_of_each
-from decoder.panel.arrays import Floats, Mask
+from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
@@ -35,6 +36,10 @@ class _SomeHands(GearedReader):
 
     They do not explain the dial without it, so neither what is left over nor what else would explain it counts.
     """
+
+    def _likely(self, seen: Floats, guesses: Guesses) -> Guesses:
+        del seen
+        return guesses
 
     def _settled(self, dials: Floats, rows: Floats) -> Placed:
         placed = super()._settled(dials, rows)
@@ -72,7 +77,7 @@ def learn_hidden_hand(instrument: Instrument, appearance: Appearance, strips: Se
         for look in _HiddenHand(instrument, appearance, name, drawn_deg[name]).learned(strips):
             after = replace(appearance, templates={**appearance.templates, **look.templates})
             frames = _Told.by(replace(instrument, face=look.face), after, strips)
-            if frames.count > max(told, FRAMES_TO_LEARN) and frames.goes_along(name):
+            if frames.count > max(told, FRAMES_TO_LEARN, HALF * len(strips)) and frames.goes_along(name):
                 told, best = frames.count, look
     return best
 
@@ -161,7 +166,11 @@ class _HiddenHand:
         views = self._views(strips)
         if views is None:
             return
-        chosen = self._chosen(views)
+        for chosen in self._choices(views):
+            yield from self._looks(views, chosen)
+
+    def _looks(self, views: _Views, chosen: Floats) -> Iterator[Look]:
+        """Learn it at some places, (N,)."""
         name = self._name
         found = [
             {**own, name: Reading(Status.READ, at_deg, self._instrument.grid.step_deg, 1.0)}
@@ -199,20 +208,48 @@ class _HiddenHand:
         return _Views(own, found, self._at_deg(told_deg), bare, face)
 
     def _at_deg(self, told_deg: Floats) -> Floats:
-        """(N, P): where the hand may be, given what the others tell, (N,)."""
-        gearing, others = gearing_of(self._instrument.gauge), self._gearing
+        """(N, P): where the hand may be, a turn of the next finer one apart; first where the others put it, (N,)."""
+        gearing = gearing_of(self._instrument.gauge)
         hand = gearing.names.index(self._name)
-        turns = max(round(gearing.turns[hand] / others.turn), 1)
-        values = others.value_at(told_deg)[:, None] + others.turn * np.arange(turns)
+        finer = gearing.turns[hand - 1]
+        values = self._gearing.value_at(told_deg)[:, None] + finer * np.arange(round(gearing.turns[hand] / finer))
         first_deg = self._instrument.gauge.sweep[0]
         at_deg: Floats = first_deg + (gearing.angles_deg(hand, values) - first_deg) % FULL_CIRCLE_DEG
         return at_deg
 
-    def _chosen(self, views: _Views) -> Floats:
-        """(N,): the places nearest to where the hand is drawn: only the coarsest has several, and it moves slowly."""
-        away_deg = np.abs(shortest(views.at_deg - self._drawn_deg, FULL_CIRCLE_DEG))
-        nearest: Floats = np.take_along_axis(views.at_deg, away_deg.argmin(axis=1)[:, None], axis=1)[:, 0]
-        return nearest
+    def _choices(self, views: _Views) -> Iterator[Floats]:
+        """Choose one of each frame's places, (N,), in up to two ways.
+
+        It is where the others put it; the coarsest, if it moves slowly, is near where it is drawn. But a coarser hand
+        that is drawn carelessly puts it elsewhere, and the coarsest may move far: then it is where all frames show the
+        same over the face. A slow one would be part of that face.
+        """
+        frames = len(views.at_deg)
+        told = np.zeros(frames, np.intp)
+        if self._name == gearing_of(self._instrument.gauge).names[-1]:
+            told = np.abs(shortest(views.at_deg - self._drawn_deg, FULL_CIRCLE_DEG)).argmin(axis=1)
+        alike = self._alike(views)
+        for choice in (told, alike) if (told != alike).any() else (told,):
+            yield views.at_deg[np.arange(frames), choice]
+
+    def _alike(self, views: _Views) -> Indices:
+        """(N,): the places at which frames show the most alike over the face."""
+        faces = np.repeat(views.face[None], len(views.strips), axis=0)
+        seen, behind, bare = (
+            self._windows(each[..., ::COARSE_STEP], views.at_deg)
+            for each in (np.stack(views.strips), faces, views.bare)
+        )
+        frames, places = views.at_deg.shape
+        over = np.where(bare >= HALF, seen - behind, 0.0).reshape(frames * places, -1)
+        size = np.linalg.norm(over, axis=1)
+        over /= np.maximum(size, np.finfo(over.dtype).tiny)[:, None]
+        like = (over @ over.T).reshape(frames, places, frames, places)
+        # a window beside the hand shows part of it in all frames, too: less of it
+        shown = size.reshape(frames, places) * like.max(axis=3).sum(axis=2)
+        seed = np.unravel_index(shown.argmax(), shown.shape)
+        like_seed = like[seed].argmax(axis=1)
+        alike: Indices = like[:, :, np.arange(frames), like_seed].sum(axis=2).argmax(axis=1)
+        return alike
 
     def _windows(self, strips: Floats | Mask, at_deg: Floats) -> Floats:
         """(N, P, H, C): windows of the hand's size around angles (N, P)."""
