@@ -437,7 +437,7 @@ def around_pivots(
             for plane, step in zip(planes, steps_px, strict=True)
         ),
     )
-    unwrapped = UnwrappedPanel(moved)
+    unwrapped = UnwrappedPanel(moved, reader.drawn.aligner)
     return PanelReader.of(
         moved, reader.method, appearance_from_panel(unwrapped, reader.appearance), placement, unwrapped
     )
