@@ -56,6 +56,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
 from decoder.panel.vocabulary import Method
+from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import UnwrappedFrame, UnwrappedPanel
 from decoder.registration.pivot import Pivot
 from decoder.registration.placement import Placement
@@ -386,15 +387,15 @@ def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
     )
 
 
-def reader_from_panel(source: PanelPictures, method: Method) -> PanelReader:
-    """Make a reader with needles and dials as in the panel.
+def reader_from_panel(source: PanelPictures, method: Method, aligner: Aligner | None = None) -> PanelReader:
+    """Make a reader with needles and dials as in the panel; `aligner` is by its anchors, if there is one already.
 
     Raises
     ------
     PanelError
         If a template, an anchor or the level edge does not fit the panel picture.
     """
-    drawn = UnwrappedPanel(in_panels_colours(source))
+    drawn = UnwrappedPanel(in_panels_colours(source), aligner)
     return PanelReader.of(source, method, appearance_from_panel(drawn), Placement(), drawn)
 
 
