@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 RATE_HZ = 16_000
 HIGHEST_HZ = 3000
+CACHED = 8192  # samples, so few that the processor keeps them at hand
 Sound = NDArray[np.float64]
 VOWELS = ((730, 1090, 2440), (270, 2290, 3010), (300, 870, 2240), (530, 1840, 2480), (570, 840, 2410))  # formants, Hz
 
@@ -57,12 +58,16 @@ def engine(
     families = [(cylinders / 2, 0.0, 4.0), (blades / gearing, rng.uniform(-6, 3), 6.0), (0.5, rough_db, 2.0)]
     for step, level_db, fall_db in families if cylinders else families[1:2]:
         orders = np.arange(1, 200) * step if step else np.empty(0)
-        first, phasor = np.exp(2j * np.pi * step * turns), np.ones(len(rpm), complex)
-        for number, order in enumerate(orders[orders * rpm.mean() / 60 < HIGHEST_HZ], start=1):
-            loud = 10 ** ((level_db + rng.normal(0, 6) - fall_db * np.log2(number)) / 20)
-            loud = loud / np.sqrt(1 + low / order**4)
-            phasor *= first  # quicker than a cosine for each
-            made += loud * wobbles[number % 5] * (phasor * np.exp(2j * np.pi * rng.random())).real
+        orders = orders[orders * rpm.mean() / 60 < HIGHEST_HZ]
+        drawn = [(rng.normal(0, 6), rng.random()) for _ in orders]
+        for start in range(0, len(rpm), CACHED):
+            part = slice(start, start + CACHED)
+            first, phasor = np.exp(2j * np.pi * step * turns[part]), np.ones(len(turns[part]), complex)
+            for number, (order, (other_db, phase)) in enumerate(zip(orders, drawn, strict=True), start=1):
+                loud = 10 ** ((level_db + other_db - fall_db * np.log2(number)) / 20)
+                loud = loud / np.sqrt(1 + low[part] / order**4)
+                phasor *= first  # quicker than a cosine for each
+                made[part] += loud * wobbles[number % 5][part] * (phasor * np.exp(2j * np.pi * phase)).real
     return _loud_as_one(made)
 
 

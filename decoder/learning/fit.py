@@ -57,6 +57,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
 from decoder.panel.vocabulary import Method
+from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import UnwrappedFrame, UnwrappedPanel
 from decoder.registration.pivot import Pivot
 from decoder.registration.placement import Placement
@@ -403,15 +404,15 @@ def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
     )
 
 
-def reader_from_panel(source: PanelPictures, method: Method) -> PanelReader:
-    """Make a reader with needles and dials as in the panel.
+def reader_from_panel(source: PanelPictures, method: Method, aligner: Aligner | None = None) -> PanelReader:
+    """Make a reader with needles and dials as in the panel; `aligner` is by its anchors, if there is one already.
 
     Raises
     ------
     PanelError
         If a template, an anchor or the level edge does not fit the panel picture.
     """
-    drawn = UnwrappedPanel(in_panels_colours(source))
+    drawn = UnwrappedPanel(in_panels_colours(source), aligner)
     return PanelReader.of(source, method, appearance_from_panel(drawn), Placement(), drawn)
 
 
@@ -454,7 +455,7 @@ def around_pivots(
             for plane, step in zip(planes, steps_px, strict=True)
         ),
     )
-    unwrapped = UnwrappedPanel(moved)
+    unwrapped = UnwrappedPanel(moved, reader.drawn.aligner)
     return PanelReader.of(
         moved, reader.method, appearance_from_panel(unwrapped, reader.appearance), placement, unwrapped
     )

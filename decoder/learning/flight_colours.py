@@ -48,7 +48,7 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], frames: Iterable[F
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
         return reader
-    panel = UnwrappedPanel(replace(source, mixtures=tuple(mixtures)))
+    panel = UnwrappedPanel(replace(source, mixtures=tuple(mixtures)), reader.drawn.aligner)
     look = appearance_from_panel(panel, reader.appearance)
     return PanelReader.of(panel.source, reader.method, look, reader.placement, panel)
 

@@ -17,6 +17,7 @@ from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import AlignmentLost, PanelError
+from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
 from decoder.registration.anchors import NOTHING_THERE, findable
 from decoder.registration.features import level_feature
@@ -56,6 +57,12 @@ class Aligner:
         """Return an aligner for a camera that was mostly there, and perhaps rolls."""
         other = copy(self)
         vars(other).update(usual=usual, _is_upright=is_upright, _seen=OrderedDict())
+        return other
+
+    def around(self, gauges: tuple[Gauge, ...]) -> Aligner:
+        """Return an aligner by the same anchors for other gauges; frames that SIFT was tried on are still known."""
+        other = copy(self)
+        vars(other).update(_panel=self._panel.model_copy(update={"gauges": gauges}), _seen=OrderedDict())
         return other
 
     @property

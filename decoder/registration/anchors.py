@@ -27,6 +27,8 @@ NOTHING_THERE = "holds nothing that could be found again; box a feature with con
 
 Render = Callable[[float], GreyPicture]
 """Draws an anchor as the camera usually sees it, turned by so many degrees."""
+Shrunk = Callable[[int], GreyPicture]
+"""Gives a frame as `reduced` by a factor, however often it is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +87,11 @@ class AnchorFinder:
         x, y, depth = alignment.matrix @ (x + right - margin_px, y + below - margin_px, 1.0)
         return AnchorHit((float(x / depth), float(y / depth)), float(best))
 
-    def anywhere(self, frame: GreyPicture, turned_deg: float = 0.0) -> Sequence[AnchorHit]:
-        """Find the best matches in the whole frame, best first, without overlaps."""
+    def anywhere(self, frame: GreyPicture, shrunk: Shrunk, turned_deg: float = 0.0) -> Sequence[AnchorHit]:
+        """Find the best matches in the whole frame, which is also given `shrunk`; best first, without overlaps."""
         template = self._template(turned_deg)
         factor = int(np.clip(min(template.shape) // MIN_REDUCED_PX, 1, MAX_REDUCTION))
-        small, small_template = _reduced(frame, factor), _reduced(template, factor)
+        small, small_template = shrunk(factor), reduced(template, factor)
         height, width = small_template.shape
         if small.shape[0] < height or small.shape[1] < width:
             return []
@@ -155,7 +157,8 @@ def middle_of(anchor: Anchor) -> Floats:
     return np.array([[left + (width - 1) / 2], [top + (height - 1) / 2]])
 
 
-def _reduced(picture: GreyPicture, factor: int) -> GreyPicture:
+def reduced(picture: GreyPicture, factor: int) -> GreyPicture:
+    """Shrink a picture by a whole factor."""
     if factor == 1:
         return picture
     height, width = (max(side // factor, 1) for side in picture.shape)

@@ -19,7 +19,7 @@ from decoder.imaging.alignment import Alignment, Matrix, Point
 from decoder.imaging.motion import Frame2D, Model
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
-from decoder.imaging.resampling import PointMap
+from decoder.imaging.resampling import PointMap, levels_at
 from decoder.imaging.sorting import MAD_TO_SIGMA, median
 from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats, Mask
@@ -154,7 +154,7 @@ class GaugePlacer:
     def __init__(self, gauge: Gauge, plane: DialPlane | None, picture: GreyPicture, own: Alignment) -> None:
         points = dial_points(gauge, plane)
         points = points[:, _on(picture, points, own)]
-        self._points, self._points_px = PointMap.of([points]), points
+        self._points = PointMap.of([points])
         self._centre = gauge.centre if plane is None else _carried(plane.matrix, (0.0, 0.0))
         self._pixels = self._points.sample(picture, own).astype(np.float64)
         right, down = np.array([[0.5], [0]], np.float32), np.array([[0], [0.5]], np.float32)
@@ -198,8 +198,9 @@ class GaugePlacer:
     def _settled(self, frame: GreyPicture, alignment: Alignment, motion: Matrix) -> GaugePlace | None:
         held = np.zeros(len(self._held))
         for spread_levels in SPREADS_LEVELS:
-            seen = self._points.sample(frame, alignment.after(motion)).astype(np.float64)
-            shows = _on(frame, self._points_px, alignment.after(motion))
+            places = self._points.places(alignment.after(motion))
+            seen = levels_at(frame, places)[: len(self._pixels)].astype(np.float64)
+            shows = _within(frame, places.reshape(-1, 2)[: len(self._pixels)])
             if float(shows @ self._strength) < HALF:
                 return None
             weights = self._weights(seen, shows, spread_levels)
@@ -295,7 +296,12 @@ def _patch(picture: GreyPicture, alignment: Alignment, box: tuple[int, int, int,
 
 def _on(picture: GreyPicture, points: Floats, own: Alignment) -> Mask:
     """(N,): which points lie on the panel picture, with a pixel to spare."""
-    x, y = own.places(np.ascontiguousarray(points.T[None], np.float32))[0].T
+    return _within(picture, own.places(np.ascontiguousarray(points.T[None], np.float32))[0])
+
+
+def _within(picture: GreyPicture, places: Floats) -> Mask:
+    """(N,): which places (N, 2) lie in a picture, with a pixel to spare."""
+    x, y = places.T
     height, width = picture.shape
     on: Mask = (x >= 1) & (y >= 1) & (x <= width - 2) & (y <= height - 2)
     return on

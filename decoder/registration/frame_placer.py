@@ -39,6 +39,8 @@ Taken = FramePicture | TopOfFrame | PictureError
 class UnwrappedPanel:
     """The grids of a panel's gauges, and the panel picture on them, by gauge.
 
+    `aligner` is by the same anchors, if there is one already.
+
     Raises
     ------
     PanelError
@@ -46,8 +48,9 @@ class UnwrappedPanel:
         pixels, together or a single window.
     """
 
-    def __init__(self, source: PanelPictures) -> None:
+    def __init__(self, source: PanelPictures, aligner: Aligner | None = None) -> None:
         self.source = source.with_planes()
+        self._aligner = aligner
         self.grids = [self.source.grid(index) for index in range(len(self.source.panel.gauges))]
         samples = sum(grid.rows * grid.columns for grid in self.grids)
         # Whole windows are sampled, in all frames of a sample at once, so one may take only a part of all samples.
@@ -73,6 +76,8 @@ class UnwrappedPanel:
         PanelError
             If an anchor or the level edge does not fit the panel picture.
         """
+        if self._aligner is not None:
+            return self._aligner.around(self.source.panel.gauges)
         return Aligner(self.source.panel, self.source.picture, optics=self.source.optics)
 
     @cached_property

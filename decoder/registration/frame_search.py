@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import MIN_PAIRS
 from decoder.panel.errors import AlignmentLost
 from decoder.registration.agreement import NEAR_PART, NEAR_PX, agreements, consistent, fitted
-from decoder.registration.anchors import SEARCH_MARGIN_PX, AnchorHit
+from decoder.registration.anchors import SEARCH_MARGIN_PX, AnchorHit, reduced
 from decoder.registration.features import Feature
 from decoder.registration.registration import Registered, Registration
 from decoder.registration.seen_panel import SeenPanel
@@ -237,6 +238,7 @@ class FrameSearch:
     def __init__(self, seen: SeenPanel, frame: GreyPicture) -> None:
         self._seen = seen
         self._frame = frame
+        self._shrunk = cache(partial(reduced, frame))
         self._settling = AlignmentRefiner(seen, frame)
 
     def alignment(self) -> Alignment:
@@ -261,7 +263,10 @@ class FrameSearch:
     def rough_alignment(self) -> Alignment | None:
         """Return what most anchors agree on, each found by itself; None if fewer than two are found well."""
         finders = self._seen.finders
-        hits = [[hit for hit in finder.anywhere(self._frame) if hit.score >= LIKELY_SCORE] for finder in finders]
+        hits = [
+            [hit for hit in finder.anywhere(self._frame, self._shrunk) if hit.score >= LIKELY_SCORE]
+            for finder in finders
+        ]
         for agreement in agreements([finder.centre_px for finder in finders], hits):
             failed = tuple(
                 anchor.name for index, anchor in enumerate(self._seen.anchors) if index not in agreement.hits
@@ -276,11 +281,13 @@ class FrameSearch:
         near = [[finder.near(self._frame, finder.centre_px, SEARCH_MARGIN_PX)] for finder in finders]
         near = [[hit for hit in hits if hit.score >= MIN_FIRST_SCORE] for hits in near]
         yield from self._guesses_from(near)
-        found = [list(finder.anywhere(self._frame)) for finder in finders]
+        found = [list(finder.anywhere(self._frame, self._shrunk)) for finder in finders]
         yield from self._guesses_from(found)
         if len(finders) > 1:
             for hits, finder in zip(found, finders, strict=True):
-                hits += [hit for turned_deg in TURNS_DEG for hit in finder.anywhere(self._frame, turned_deg)]
+                hits += [
+                    hit for turned_deg in TURNS_DEG for hit in finder.anywhere(self._frame, self._shrunk, turned_deg)
+                ]
             yield from self._guesses_from(found)
 
     def _guesses_from(self, hits: Sequence[Sequence[AnchorHit]]) -> Iterator[Alignment]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried
-from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper
 from decoder.instruments.panel_reader import read_frame
@@ -23,7 +22,7 @@ from decoder.panel.gauge import KINDS, Gauge
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, around_hub, begun, centre_doubt_px, mark_angle_deg, refined
-from decoder.setup.drafts import Stale
+from decoder.setup.drafts import RememberedPanel, Stale
 from decoder.setup.drawn_plane import height_inches
 from decoder.setup.finding.advice import Sight, advised
 from decoder.setup.finding.proposal import ProposedGauge
@@ -236,7 +235,7 @@ def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> 
     gauge = document["gauges"][asked.gauge]
     frames, planes = session.frames(), session.planes(document, key)
 
-    def source_of(drawn: Answer) -> PanelPictures:
+    def source_of(drawn: Answer) -> RememberedPanel:
         gauges = [drawn if place == asked.gauge else each for place, each in enumerate(document["gauges"])]
         return session.panel_of_gauge({**document, "gauges": gauges}, key, asked.gauge)
 

@@ -188,7 +188,7 @@ def aligner_of(document: Document, picture: GreyPicture, optics: Optics, memory:
 
 
 Found = Alignment | PictureError
-Name = tuple[str, int, float | None, tuple[float, ...]]
+Name = tuple[object, ...]
 
 
 class AlignmentMemory:
@@ -225,15 +225,24 @@ class RememberingAligner(Aligner):
 
     def align(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """Do as `Aligner.align`."""
-        name = ("align", id(frame), focal_length_mm, self.usual.elements)
+        name = self._name("align", frame, focal_length_mm)
         return self._memory.recall(name, frame, lambda: super(RememberingAligner, self).align(frame, focal_length_mm))
+
+    def search(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        """Do as `Aligner.search`."""
+        name = self._name("search", frame, focal_length_mm)
+        return self._memory.recall(name, frame, lambda: super(RememberingAligner, self).search(frame, focal_length_mm))
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """Do as `Aligner.align_roughly`."""
-        name = ("roughly", id(frame), focal_length_mm, self.usual.elements)
+        name = self._name("roughly", frame, focal_length_mm)
         return self._memory.recall(
             name, frame, lambda: super(RememberingAligner, self).align_roughly(frame, focal_length_mm)
         )
+
+    def _name(self, how: str, frame: GreyPicture, focal_length_mm: float | None) -> Name:
+        """Name a search by all that it depends on; of the gauges only by the model that is certain enough for them."""
+        return how, id(frame), focal_length_mm, self.usual.elements, self._own.model(self._own.features)
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,6 +251,6 @@ class RememberedPanel(PanelPictures):
 
     memory: AlignmentMemory = field(default_factory=AlignmentMemory)
 
-    def aligner(self, usual: Alignment = IDENTITY) -> Aligner:
+    def aligner(self) -> Aligner:
         """Make an aligner that shares the memory."""
-        return RememberingAligner(self.panel, self.picture, usual, self.optics, self.memory)
+        return RememberingAligner(self.panel, self.picture, IDENTITY, self.optics, self.memory)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.imaging.alignment import Alignment
-from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import PolarGrid
 from decoder.instruments.panel_reader import PanelReader, read_frame
@@ -18,7 +17,7 @@ from decoder.learning.fit import fit_to_flight, reader_from_panel
 from decoder.panel.errors import PictureError
 from decoder.panel.scale import Quantity, Scale, in_turn
 from decoder.panel.vocabulary import Method
-from decoder.setup.drafts import Stale, Superseded
+from decoder.setup.drafts import RememberedPanel, Stale, Superseded
 from decoder.setup.proposals import axis_deg
 from flight_file.reader import spread
 
@@ -72,7 +71,7 @@ class Trial:
     are_points: bool = True
 
 
-def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
+def tried(source: RememberedPanel, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
     """Read the only gauge of a panel in some frames.
 
     Parameters
@@ -94,7 +93,7 @@ def tried(source: PanelPictures, frames: Sequence[tuple[int, FramePicture]], sta
                 raise Superseded
             yield frames[index][1]
 
-    fitted = fit_to_flight(reader_from_panel(source, Method.NORMXCORR), sample)
+    fitted = fit_to_flight(reader_from_panel(source, Method.NORMXCORR, source.aligner()), sample)
     (gauge,) = fitted.panel.gauges
     together = [] if gauge.combination is None else [gauge.combination.quantity]
     shown = [(each, each in together) for each in (*together, *gauge.quantities)]

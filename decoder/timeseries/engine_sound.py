@@ -42,6 +42,7 @@ _UNSTEADY, _WILD = 0.05, 2.0  # cost per step between speeds; a bend of this man
 _REACH = 40  # steps between speeds from one window to the next: a third in a second
 _AROUND = 12  # windows to either side: three seconds
 _BLOCK = 1000  # windows that are processed together
+_CACHED = 8  # speeds that are processed together, so few that the processor keeps them at hand
 _APART = 3  # windows that share no sound
 _STRAY = 2.0  # sigma of a tooth that half counts
 _SPREAD_OF_STRAYS = (1 + 34 / 36) ** 0.5
@@ -129,17 +130,6 @@ class Comb:
         """The families of teeth, each with its share of the tones."""
         return [*((order, _STRONG_PART / len(self.strong)) for order in self.strong), (self.fine, 1 - _STRONG_PART)]
 
-    def density(self, rpm: Floats, frequencies_hz: Floats) -> Floats:
-        """(S, P): how much more likely a tone at a frequency is for each speed than by chance, as a ratio."""
-        sigma_hz = np.hypot(_TOOTH_HZ, _TOOTH_PART * frequencies_hz)
-        ratio = np.zeros((len(rpm), len(frequencies_hz)))
-        for order, part in self.families:
-            apart_hz = rpm[:, None] / 60 * order
-            tooth = np.round(frequencies_hz / apart_hz)
-            off = (frequencies_hz - tooth * apart_hz) / sigma_hz
-            ratio += np.where(tooth > 0, part * apart_hz * np.exp(-0.5 * off**2) / (sigma_hz * np.sqrt(2 * np.pi)), 0)
-        return ratio
-
     def orders(self, rpm: float, frequencies_hz: Floats) -> Floats:
         """(P,): the tooth next to each frequency, in turns; a fine one only if it is nearer by more than a sigma."""
         turn_hz = rpm / 60
@@ -149,6 +139,25 @@ class Comb:
         off_hz[-1] += np.hypot(_TOOTH_HZ, _TOOTH_PART * frequencies_hz)
         nearest: Floats = np.take_along_axis(teeth, off_hz.argmin(axis=0)[None], axis=0)[0]
         return nearest
+
+
+def _densities(combs: Sequence[Comb], rpm: Floats, frequencies_hz: Floats) -> list[NDArray[np.float32]]:
+    """(S, P) for each comb: how much more likely a tone at a frequency is for each speed than by chance, as a ratio."""
+    sigma_hz = np.hypot(_TOOTH_HZ, _TOOTH_PART * frequencies_hz)
+    teeth = {}
+    for order in {order for comb in combs for order, _ in comb.families}:
+        apart_hz = rpm[:, None] / 60 * order
+        tooth = np.round(frequencies_hz / apart_hz)
+        off = (frequencies_hz - tooth * apart_hz) / sigma_hz
+        teeth[order] = apart_hz, np.where(tooth > 0, np.exp(-0.5 * off**2), 0)
+    found = []
+    for comb in combs:
+        ratio = np.zeros((len(rpm), len(frequencies_hz)), np.float64)
+        for order, part in comb.families:
+            apart_hz, near = teeth[order]
+            ratio += part * apart_hz * near / (sigma_hz * np.sqrt(2 * np.pi))
+        found.append(ratio.astype(np.float32))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +264,9 @@ class _Listener:
         self._combs = engine.combs
         self._needed_lead = MIN_LEAD if engine.is_known else np.inf
         points = np.arange(*_BAND_HZ, _POINT_HZ)
-        self._density = [comb.density(self._rpm, points).astype(np.float32) for comb in self._combs]
+        some = np.array_split(self._rpm, len(self._rpm) // _CACHED + 1)
+        blocks = [_densities(self._combs, rpm, points) for rpm in some]
+        self._density = [np.concatenate(rows) for rows in zip(*blocks, strict=True)]
 
     def rows(self, windows: Sequence[SoundPeaks]) -> list[_Row]:
         """Read consecutive windows."""

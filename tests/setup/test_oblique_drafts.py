@@ -12,11 +12,12 @@ import yaml
 
 from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
-from decoder.imaging.pictures import FramePicture, grey_picture
+from decoder.imaging.pictures import FramePicture, GreyPicture, grey_picture
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.camera import camera_from_file
 from decoder.panel.errors import AlignmentLost
 from decoder.panel.vocabulary import Method
+from decoder.registration.aligner import Aligner
 from decoder.setup.answers import trial_answer
 from decoder.setup.drafts import AlignmentMemory, problems_of
 from decoder.setup.drawn_plane import Planes
@@ -24,6 +25,7 @@ from decoder.setup.pasting import pasted
 from decoder.setup.requests import TrialQuestion
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
+from decoder.setup.trial import tried
 from flight_file.reader import open_flight
 from tests.programs import FIXTURES
 
@@ -109,6 +111,25 @@ def test_camera_on_the_command_line_is_used(written: Draft, tmp_path: Path) -> N
 
     assert {each.path for each in without} == {f"gauges[{index}].needle_height_inches" for index in range(12)}
     assert known == []
+
+
+def test_a_gauge_that_is_tried_again_is_searched_for_in_no_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The panel lies elsewhere in each frame; where is remembered from one trial to the next, with the same answer."""
+    session, searched, search = SetupSession(open_source([FLIGHT]), None, tmp_path / "panel.yaml"), [], Aligner.search
+
+    def counted(aligner: Aligner, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
+        searched.append(1)
+        return search(aligner, frame, focal_length_mm)
+
+    monkeypatch.setattr(Aligner, "search", counted)
+    source, frames = session.panel_of_gauge(session.document, session.picture_key, 0), session.frames()
+    first = tried(source, frames, lambda: False)
+    count = len(searched)
+
+    assert tried(source, frames, lambda: False) == first
+    assert len(searched) == count > len(frames)
 
 
 def test_alignment_that_fails_is_remembered_and_does_not_grow() -> None:

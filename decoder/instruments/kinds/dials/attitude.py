@@ -331,7 +331,10 @@ class _HorizonReader:
         # A horizon that moves less has converged: it is a tenth of what marks drawn by hand leave open.
         self._still_px = own.drawn_sigma_px(0.0) / 10
         self._patches = _patches(self._thinned.shape)
-        self._search = _Search(own, picture.horizon, self._weights)
+
+    @cached_property
+    def _search(self) -> _Search:
+        return _Search(self._own, self._picture.horizon, self._weights)
 
     def sight(self, strip: UnwrappedGauge, turned_deg: float | None) -> Sight:
         """Find the horizon in a gauge (R, C), at its turn from the panel picture where that is known."""

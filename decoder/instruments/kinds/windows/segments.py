@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from decoder.imaging.sorting import MAD_TO_SIGMA
-from decoder.panel.arrays import Floats, limited
+from decoder.panel.arrays import Floats, Indices, limited
 from decoder.panel.thresholds import LEAST_VALUE
 
 NAMES = "abcdefg"
@@ -121,7 +121,7 @@ class Segments:
     def places(self, size: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
         """Return x and y of each pixel of a strip (R, C) with slant and tilt removed, and x of each cell's middle."""
         own = self.shape
-        rows, columns = np.mgrid[: size[0], : size[1]].astype(np.float64)
+        rows, columns = np.arange(float(size[0]))[:, None], np.arange(float(size[1]))
         y = (rows - own.middle - own.tilt * (columns - own.left)) * np.exp(own.taper * (columns - own.left))
         x = columns - own.left + own.slant * y
         return x, y, own.pitch * (self.cells @ np.array([1.0, own.separator])) + self.shifts
@@ -137,8 +137,8 @@ class Segments:
         strokes = np.stack(
             [lying * top, right * upper, right * lower, lying * bottom, left * lower, left * upper, lying * middle]
         )
-        scaled: Floats = strokes * self.strengths.reshape(7, *[1] * x.ndim)
-        return scaled
+        strokes *= self.strengths.reshape(7, *[1] * x.ndim)
+        return strokes
 
     def dots(self, x: Floats, y: Floats, middles: Floats) -> Floats:
         """Return how much decimal points cover of pixels."""
@@ -305,18 +305,19 @@ class _Fit:
     def _all(self, own: Segments) -> list[_Left]:
         return [self._left(own, one, weights) for one, weights in zip(self._known, self._weights, strict=True)]
 
-    def _drawn(self, own: Segments, one: Known) -> tuple[Floats, Floats, Floats]:
-        """Return the nearest cell of each pixel (P,), the coverage of each lit segment (7, P), and of points (P,)."""
+    def _drawn(self, own: Segments, one: Known) -> tuple[Indices, Floats]:
+        """Return the nearest cell of each pixel (P,), and the coverage of each lit segment (7, P)."""
         x, y, middles = own.places(self._size)
         x, y = x.ravel(), y.ravel()
-        near = np.abs(x[:, None] - middles).argmin(1)
-        strokes = own.strokes(x - middles[near], y) * one.lit[near].T
-        return near, strokes, own.dots(x, y, middles)
+        near = np.abs(x - middles[:, None]).argmin(0)
+        strokes = own.strokes(x - middles[near], y)
+        strokes *= one.lit.T[:, near]
+        return near, strokes
 
     def _left(self, own: Segments, one: Known, weights: Floats) -> _Left:
         """Compare a picture with the display drawn in its light."""
-        _, strokes, dots = self._drawn(own, one)
-        shown = np.stack([strokes.sum(axis=0), *self._light, dots])
+        _, strokes = self._drawn(own, one)
+        shown = np.stack([strokes.sum(axis=0), *self._light, own.dots(*own.places(self._size)).ravel()])
         weighted = shown * weights
         normal = weighted @ weighted.T + DIFFERENCE * np.eye(len(shown))
         shares = np.linalg.solve(normal, weighted @ (one.strip.ravel() * weights))
@@ -325,7 +326,7 @@ class _Fit:
 
     def _slopes_of(self, own: Segments, one: Known, seen: _Left) -> Floats:
         """(P, K): the derivatives of one picture's residual, with light and brightness solved for."""
-        near, strokes, _ = self._drawn(own, one)
+        near, strokes = self._drawn(own, one)
         drawn, count, vector = strokes.sum(axis=0), len(Shape._fields), own.vector()
         changes = np.empty((len(vector), len(drawn)))
         for place in range(count):
