@@ -6,6 +6,7 @@ camera's distances from the face and from the needle. In each frame, the camera'
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -73,6 +74,33 @@ def camera_over_panel(normalised: Matrix) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, slots=True)
+class Squeeze:
+    """How much longer than it is wide a circle appears, (1 + part) to (1 - part), about its middle.
+
+    `across` and `askew` are that part times the cosine and the sine of twice the angle of its longest diameter.
+    """
+
+    across: float
+    askew: float
+
+    @property
+    def matrix(self) -> Matrix:
+        """(2, 2): from a place on the dial to where it appears."""
+        return np.array([[1.0 + self.across, self.askew], [self.askew, 1.0 - self.across]])
+
+    @property
+    def aside_deg(self) -> float:
+        """From how far aside a dial is seen that appears like that."""
+        part = math.hypot(self.across, self.askew)
+        return math.degrees(math.acos((1.0 - part) / (1.0 + part)))
+
+    def square_on_deg(self, angle_deg: float) -> float:
+        """Convert an angle as it appears to the dial's own, in the same turn."""
+        x, y = np.linalg.solve(self.matrix, [math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
+        return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0)
+
+
+@dataclass(frozen=True, slots=True)
 class DialPlane:
     """The dial's own plane, in pixels from the pivot, x to 0 degrees, y to 90 degrees, on the panel picture.
 
@@ -100,6 +128,17 @@ class DialPlane:
         """The tangent of the angle from which the camera sees the dial at its pivot; 0 square on."""
         longest, shortest = np.linalg.svd(jacobian(self.matrix, (0.0, 0.0)), compute_uv=False)
         return float(np.sqrt(max((longest / shortest) ** 2 - 1.0, 0.0)))
+
+    @classmethod
+    def square_on(cls, centre: Point) -> Self:
+        """Make the plane of a dial that is seen square on, without distortion."""
+        return cls((1.0, 0.0, centre[0], 0.0, 1.0, centre[1], 0.0, 0.0, 1.0))
+
+    def squeezed(self, squeeze: Squeeze) -> DialPlane:
+        """Squeeze the plane about its pivot, as it appears."""
+        whole = np.eye(3)
+        whole[:2, :2] = squeeze.matrix
+        return DialPlane.of(self.matrix @ whole)
 
     def around(self, offset_px: Point) -> DialPlane:
         """Move the plane's pivot to a point of it."""

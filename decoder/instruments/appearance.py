@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import (
     Grid,
@@ -193,6 +194,10 @@ class Still:
     def far_pivot(
         self, _instrument: Instrument, _own: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
+        """Return None."""
+        return None
+
+    def squeeze(self, _instrument: Instrument, _strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
         """Return None."""
         return None
 

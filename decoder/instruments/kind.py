@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.unwrapping import Grid, UnwrappedGauge
 from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
 from decoder.instruments.sampling import GaugeSampler, Part, Reader, SeenGauge
@@ -69,6 +70,10 @@ class Kind(Protocol):
 
         `own` is the gauge in the panel picture, `strips` are a sample's frames in its light.
         """
+        ...
+
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+        """Return how it appears squeezed, since it is seen from aside, in a sample's frames; None if it is unknown."""
         ...
 
     def seen_deg(

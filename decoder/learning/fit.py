@@ -15,7 +15,7 @@ import numpy as np
 from decoder.imaging.alignment import Alignment, Point
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.imaging.planes import DialPlane
+from decoder.imaging.planes import DialPlane, Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
@@ -81,6 +81,8 @@ class FittedReader:
         By gauge whose needles turn elsewhere than the panel says: (x, y).
     unsettled
         Gauges whose pivots did not converge.
+    squeezes
+        By gauge in the panel's order: how it appears squeezed, if the flight told; else None.
     has_points
         Whether angles were taken as points around the drawn centres.
     sampled
@@ -92,6 +94,7 @@ class FittedReader:
     uncertainties: Mapping[str, QuantityUncertainty]
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
+    squeezes: tuple[Squeeze | None, ...]
     has_points: bool
     sampled: int
 
@@ -105,6 +108,12 @@ class FittedReader:
         mixture = self.reader.grids[self.panel.gauges.index(gauge)].mixture
         if mixture is not None:
             yield f"read in {mixture}, where what moves on it shows better than in grey"
+        squeeze = self.squeezes[self.panel.gauges.index(gauge)]
+        if squeeze is not None:
+            yield (
+                f"is seen from about {squeeze.aside_deg:.0f} degrees aside, corrected: draw its `rim`, or the panel's"
+                " reference points, with `decode setup`"
+            )
         if gauge.name in self.unsettled:
             yield (
                 "turns about another point than the drawn centre, but it is unsure which: sigma allows for that; is"
@@ -157,9 +166,10 @@ class _Round:
 
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight from which `sample` takes frames, in at most this many rounds."""
-    source, gauges = reader.source, reader.source.panel.gauges
+    source = reader.source
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
+    gauges, squeezes = begun.drawn, begun.squeezes
     del begun
     first, known = last.pivots, _known(last, paths, paths)
     for round_ in range(1, rounds):
@@ -207,6 +217,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             if path.was_moved
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
+        squeezes=squeezes,
         has_points=log_odds > 0.0,
         sampled=len(samples),
     )
@@ -219,30 +230,37 @@ def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[PivotPath]
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
-    """Learn a first time: in the colours that show best what moves, lost dials centred on their rings of marks."""
+    """Learn a first time: in the colours that show best what moves, lost dials squared up or centred on their marks."""
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
     starts = _middles_of_marks(gauges, begun.paths, last.found)
-    if coloured is placed and not any(starts):
+    squeezes = [
+        kind_of(gauge).squeeze(instrument, views) if is_lost(gauge, last.found) else None
+        for gauge, (instrument, _, views) in zip(gauges, _seen(begun.reader, begun.samples), strict=True)
+    ]
+    if coloured is placed and not any(starts) and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
-    tell("choosing colours that show what moves, and centring rings of marks")
+    tell("choosing colours that show what moves, squaring dials up, and centring rings of marks")
 
-    def again(starts: Sequence[Vector | None]) -> tuple[_Recentred, _Round]:
-        return _begun(coloured, unwrapped(coloured, sample(frames_wanted(placed.placement))), sample, starts, tell)
+    def again(starts: Sequence[Vector | None], squeezes: Sequence[Squeeze | None]) -> tuple[_Recentred, _Round]:
+        better = squared_up(coloured, squeezes) if any(squeezes) else coloured
+        begun, last = _begun(better, unwrapped(better, sample(frames_wanted(placed.placement))), sample, starts, tell)
+        return replace(begun, squeezes=tuple(squeezes)), last
 
-    begun, last = again(starts)
+    begun, last = again(starts, squeezes)
     doubted = _doubted(last.found)
+    helpful = [None if is_lost(gauge, last.found) else own for gauge, own in zip(gauges, squeezes, strict=True)]
     told = [
         None if {needle.name for needle in gauge.turning} & doubted else start
         for gauge, start in zip(gauges, starts, strict=True)
     ]
-    if told != starts:  # at these starts needles are not found either
+    if told != starts or helpful != squeezes:  # nothing is found so either
         del begun, last
-        begun, last = again(told)
+        begun, last = again(told, helpful)
     return begun, last
 
 
@@ -297,13 +315,15 @@ class _Recentred:
     """A reader that has not learned yet, around pivots that are far from the drawn centres.
 
     `samples` are unwrapped by it, `paths` say by gauge how far its pivot was moved, and `log_odds` how likely marks are
-    points rather than angles.
+    points rather than angles. Angles of the gauges as `drawn` are as `squeezes`, by gauge, have squared them up.
     """
 
     reader: PanelReader
     samples: list[UnwrappedFrame]
     paths: list[PivotPath]
     log_odds: float
+    drawn: tuple[Gauge, ...]
+    squeezes: tuple[Squeeze | None, ...]
 
 
 def _around_far_pivots(
@@ -311,9 +331,9 @@ def _around_far_pivots(
 ) -> _Recentred:
     """Search for pivots far from the drawn centres, and unwrap a sample around them."""
     drawn = reader.source.panel.gauges
-    paths = [PivotPath()] * len(drawn)
+    paths, as_seen = [PivotPath()] * len(drawn), (None,) * len(drawn)
     if len(samples) < FRAMES_TO_LEARN:
-        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS)
+        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn, as_seen)
     if any(starts):
         paths = [
             path if start is None else path.from_afar(start, REACH_PART * gauge.radius[1])
@@ -331,13 +351,13 @@ def _around_far_pivots(
         reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     if not any(path.is_far for path in paths):
-        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS)
+        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn, as_seen)
     log_odds = _log_odds(reader, samples, drawn, paths)
     told = seen_from_pivots(drawn, paths, log_odds)
     if told != drawn:
         reader = around_pivots(reader, [None] * len(drawn), drawn=told)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
-    return _Recentred(reader, samples, paths, log_odds)
+    return _Recentred(reader, samples, paths, log_odds, drawn, as_seen)
 
 
 def _log_odds(
@@ -447,18 +467,32 @@ def around_pivots(
         rows=None,
         lifts=tuple(lift + more for lift, more in zip(lifts, lifts_missing, strict=False)),
     )
-    moved = replace(
-        source,
-        panel=source.panel.model_copy(update={"gauges": tuple(gauges)}),
-        planes=tuple(
-            plane if plane is None or step is None else plane.around(step)
-            for plane, step in zip(planes, steps_px, strict=True)
-        ),
-    )
-    unwrapped = UnwrappedPanel(moved, reader.drawn.aligner)
-    return PanelReader.of(
-        moved, reader.method, appearance_from_panel(unwrapped, reader.appearance), placement, unwrapped
-    )
+    moved = [
+        plane if plane is None or step is None else plane.around(step)
+        for plane, step in zip(planes, steps_px, strict=True)
+    ]
+    return _redrawn(reader, gauges, moved, placement)
+
+
+def squared_up(reader: PanelReader, squeezes: Sequence[Squeeze | None]) -> PanelReader:
+    """Return a reader of the panel with dials that appear squeezed squared up, which has not learned them so yet."""
+    gauges, planes = list(reader.source.panel.gauges), list(reader.source.planes or (None,) * len(squeezes))
+    for index, squeeze in enumerate(squeezes):
+        if squeeze is not None:
+            plane = planes[index] or DialPlane.square_on(gauges[index].centre)
+            planes[index] = plane.squeezed(squeeze)
+            gauges[index] = gauges[index].at_angles(squeeze.square_on_deg)
+    return _redrawn(reader, gauges, planes, reader.placement)
+
+
+def _redrawn(
+    reader: PanelReader, gauges: Sequence[Gauge], planes: Sequence[DialPlane | None], placement: Placement
+) -> PanelReader:
+    """Return a reader of the panel with its gauges drawn otherwise, which knows of them what the panel shows."""
+    panel = reader.source.panel.model_copy(update={"gauges": tuple(gauges)})
+    source = replace(reader.source, panel=panel, planes=tuple(planes))
+    unwrapped, method = UnwrappedPanel(source, reader.drawn.aligner), reader.method
+    return PanelReader.of(source, method, appearance_from_panel(unwrapped, reader.appearance), placement, unwrapped)
 
 
 def _moved(centre: Point, plane: DialPlane | None, own: Alignment, step_px: Vector) -> Point:

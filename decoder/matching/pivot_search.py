@@ -16,6 +16,7 @@ from typing import Self
 import cv2
 import numpy as np
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.matching.correlation import noise_between, sliding_sums, turned_correlation
@@ -36,6 +37,9 @@ CARD_ROW_DEG, CARD_COLUMNS = 1.0, 32
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
+# As seen from 40 degrees aside, and from 16.
+MOST_SQUEEZED, SQUEEZE_STEP = 0.12, 0.02
+ROUND = Squeeze(0.0, 0.0)
 # A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
 # The frames that show a needle elsewhere, and so what lies behind it: the most different third of them.
@@ -121,6 +125,27 @@ def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vec
     return _Rings.of(grid, strips, 0.0).around(np.array(offset_px))
 
 
+def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+    """Search for how a card appears squeezed, since it is seen from aside: then frames show the same card, only turned.
+
+    What turns within an ellipse comes closer together and draws apart; regular marks soon fall out of step. None if it
+    is seen square on, or nothing turns.
+    """
+    strips = _most_different(strips)
+    if len(strips) <= 1:
+        return None
+    rings = _Rings.of(grid, strips, MOST_SQUEEZED * float(grid.radii_px[-1]))
+
+    def score(squeezes: Floats) -> Floats:
+        return np.array([_alike(rings.around((0.0, 0.0), Squeeze(*each))) for each in squeezes.tolist()])
+
+    first = _disc(MOST_SQUEEZED, SQUEEZE_STEP)
+    scores = score(first)
+    found = _finest(score, first[scores.argmax()], SQUEEZE_STEP / 2)
+    drawn, there = (1.0 - float(score(np.array([each]))[0]) for each in ((0.0, 0.0), found))
+    return Squeeze(*found) if there < FAR_GAIN * drawn else None
+
+
 def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
     """Choose frames that differ most from each other; those in which nothing has moved tell nothing of what turns."""
     if not strips:
@@ -161,10 +186,12 @@ class _Rings:
         blurred = [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips]
         return cls(grid, blurred, np.radians(np.arange(0.0, FULL_CIRCLE_DEG, CARD_ROW_DEG)), radii_px)
 
-    def around(self, offset_px: Floats) -> Floats:
-        """(F, A, N): frames around another centre, about the mean of each circle."""
+    def around(self, offset_px: Floats | Vector, squeeze: Squeeze = ROUND) -> Floats:
+        """(F, A, N): frames around another centre, where circles appear squeezed, about the mean of each circle."""
         grid, angles = self.grid, self.angles[:, None]
-        x, y = offset_px[0] + np.cos(angles) * self.radii_px, offset_px[1] + np.sin(angles) * self.radii_px
+        across, down = np.cos(angles) * self.radii_px, np.sin(angles) * self.radii_px
+        (x_across, x_down), (y_across, y_down) = squeeze.matrix.astype(np.float32)
+        x, y = offset_px[0] + x_across * across + x_down * down, offset_px[1] + y_across * across + y_down * down
         middle_deg = grid.angle_deg((grid.rows - 1) / 2)
         turned_deg = middle_deg + (np.degrees(np.arctan2(y, x)) - middle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
         rows = ((turned_deg - grid.start_deg) / grid.step_deg).astype(np.float32)

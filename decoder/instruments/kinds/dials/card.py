@@ -19,6 +19,7 @@ from functools import cache
 
 import numpy as np
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
@@ -51,7 +52,7 @@ from decoder.matching.correlation import (
     products,
     weighted_correlation,
 )
-from decoder.matching.pivot_search import CARD_ROW_DEG, card_pivot, card_rings
+from decoder.matching.pivot_search import CARD_ROW_DEG, card_pivot, card_rings, card_squeeze
 from decoder.matching.strips import rows_between
 from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
 from decoder.panel.arrays import Floats, Mask
@@ -418,6 +419,9 @@ class CardKind(Still):
         self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
         return far_card_pivot(instrument.grid, strips)
+
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+        return card_squeeze(instrument.grid, strips)
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.unwrapping import Grid, UnwrappedGauge, rows_in_sweep
 from decoder.instruments.appearance import (
     Appearance,
@@ -94,6 +95,9 @@ class NeedleKind:
     ) -> tuple[float, float] | None:
         gauge, grid = instrument.gauge, instrument.grid
         return needle_pivot(grid, rows_in_sweep(gauge, grid), self._cuts(gauge), own, strips)
+
+    def squeeze(self, _: Instrument, __: Sequence[UnwrappedGauge]) -> Squeeze | None:
+        return None
 
     def seen_deg(
         self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]

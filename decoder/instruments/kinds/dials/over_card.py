@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import (
     Grid,
@@ -66,6 +67,7 @@ from decoder.matching.correlation import normxcorr, partial_normxcorr
 from decoder.matching.faces import face_behind, learn_face
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
+from decoder.matching.pivot_search import card_squeeze
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MIN_CONTRAST_PART, MIN_VIEWS, OUTLIER_SPREADS, WHOLE_VISIBLE
 from decoder.panel.arrays import Floats, Mask
@@ -696,3 +698,7 @@ class OverCardKind(Still):
         dial = self._dial(instrument.gauge, instrument.grid)
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
         return far_card_pivot(dial.card_grid, parts)
+
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+        dial = self._dial(instrument.gauge, instrument.grid)
+        return card_squeeze(dial.card_grid, [dial.card_part(dial.part(strip)) for strip in strips])
