@@ -37,8 +37,6 @@ CARD_ROW_DEG, CARD_COLUMNS = 1.0, 32
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
-# As seen from 40 degrees aside, and from 16.
-MOST_SQUEEZED, SQUEEZE_STEP = 0.12, 0.02
 ROUND = Squeeze(0.0, 0.0)
 # A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
@@ -103,8 +101,7 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
     if len(strips) <= 1:
         return None
     radius_px = float(grid.radii_px[-1])
-    # All of what turns with it has to be visible around every centre tried.
-    reach_px = min(REACH_PART * radius_px, (radius_px - grid.inner_px) / 3)
+    reach_px = min(REACH_PART * radius_px, _most_margin_px(grid))
     rings = _Rings.of(grid, strips, reach_px)
 
     def score(offsets_px: Floats) -> Floats:
@@ -118,6 +115,11 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
     # Near its edges a card may show what decides.
     drawn, there = (1.0 - _alike(card_rings(grid, strips, each)) for each in ((0.0, 0.0), found))
     return found if there < FAR_GAIN * drawn else None
+
+
+def _most_margin_px(grid: PolarGrid) -> float:
+    """Return the most to leave out at either edge of a card: what is left has to be visible wherever it is tried."""
+    return float(grid.radii_px[-1] - grid.inner_px) / 3
 
 
 def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vector) -> Floats:
@@ -134,14 +136,16 @@ def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Squeeze |
     strips = _most_different(strips)
     if len(strips) <= 1:
         return None
-    rings = _Rings.of(grid, strips, MOST_SQUEEZED * float(grid.radii_px[-1]))
+    radius_px = float(grid.radii_px[-1])
+    reach = min(REACH_PART, _most_margin_px(grid) / radius_px)  # at most as seen from 35 degrees aside
+    rings = _Rings.of(grid, strips, reach * radius_px)
 
     def score(squeezes: Floats) -> Floats:
         return np.array([_alike(rings.around((0.0, 0.0), Squeeze(*each))) for each in squeezes.tolist()])
 
-    first = _disc(MOST_SQUEEZED, SQUEEZE_STEP)
+    first = _disc(reach, STEP_PART)
     scores = score(first)
-    found = _finest(score, first[scores.argmax()], SQUEEZE_STEP / 2)
+    found = _finest(score, first[scores.argmax()], STEP_PART / 2)
     drawn, there = (1.0 - float(score(np.array([each]))[0]) for each in ((0.0, 0.0), found))
     return Squeeze(*found) if there < FAR_GAIN * drawn else None
 

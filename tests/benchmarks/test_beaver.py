@@ -54,10 +54,17 @@ def decoded(flight: str, panel: Path) -> Flown:
 
 
 def drawn(
-    folder: Path, flight: str, gauges: Collection[str], picture_frame: int, hand: Callable[[View], Clicks] = Clicks
+    folder: Path,
+    flight: str,
+    gauges: Collection[str],
+    picture_frame: int,
+    hand: Callable[[View], Clicks] = Clicks,
+    *,
+    squares_up: bool = True,
 ) -> Path:
     """Draw some gauges of a panel as by hand on a frame."""
-    panel = yaml.safe_load(panel_yaml(replace(FLIGHTS[flight], picture_frame=picture_frame), hand))
+    flown = replace(FLIGHTS[flight], picture_frame=picture_frame)
+    panel = yaml.safe_load(panel_yaml(flown, hand, squares_up=squares_up))
     panel["gauges"] = [gauge for gauge in panel["gauges"] if gauge["name"] in gauges]
     (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
     return folder / "panel.yaml"
@@ -66,6 +73,16 @@ def drawn(
 def test_cards_and_what_moves_over_them_are_read_right_from_aside(tmp_path: Path) -> None:
     """All columns have values in nine of ten frames, none that is read is far off, and their intervals hold."""
     flown = decoded("beaver_oblique", drawn(tmp_path, "beaver_oblique", OTHERS, 12))
+
+    assert {name: read.largest for name, read in flown.reads.items() if read.gross} == {}
+    assert {name for name, read in flown.reads.items() if not read.valued >= VALUED} == set()
+    assert {name for name, read in flown.reads.items() if not read.within_95 >= WITHIN} == set()
+
+
+def test_cards_are_read_from_aside_though_nobody_squared_the_panel_up(tmp_path: Path) -> None:
+    """As their marks turn within an ellipse they fall out of step; the flight tells the ellipse."""
+    path = drawn(tmp_path, "beaver_oblique", OTHERS[:3], 12, squares_up=False)
+    flown = decoded("beaver_oblique", path)
 
     assert {name: read.largest for name, read in flown.reads.items() if read.gross} == {}
     assert {name for name, read in flown.reads.items() if not read.valued >= VALUED} == set()

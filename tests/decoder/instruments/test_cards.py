@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
+from decoder.imaging.planes import Squeeze
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
@@ -102,6 +105,43 @@ def test_card_that_turned_little_is_read_as_well() -> None:
         status, off, _ = off_deg(reader, draw(turn_deg, 9), turn_deg)
         assert status is Status.READ
         assert off < 0.1
+
+
+def aside(picture: GreyPicture, squeeze: Squeeze) -> GreyPicture:
+    """The picture as it appears from aside."""
+    centre = np.array(CENTRE)
+    matrix = np.column_stack([squeeze.matrix, centre - squeeze.matrix @ centre])
+    return np.asarray(cv2.warpAffine(picture, matrix, picture.shape[::-1], borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
+def appears_deg(angle_deg: float, squeeze: Squeeze) -> float:
+    """Where an angle on the dial appears from aside."""
+    angle = math.radians(angle_deg)
+    x, y = squeeze.matrix @ [math.cos(angle), math.sin(angle)]
+    return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0)
+
+
+@pytest.mark.parametrize("squeeze", [Squeeze(0.02, 0.01), Squeeze(-0.03, 0.02), Squeeze(0.01, -0.06)], ids=str)
+def test_card_seen_from_aside_is_squared_up_and_read(squeeze: Squeeze) -> None:
+    """Drawn as if seen square on, it shows its marks out of step as it turns; nothing else is known of the view."""
+    first, opposite = CARD["scale"]
+    card = CARD | {
+        "scale": [[appears_deg(angle_deg, squeeze), value] for angle_deg, value in (first, opposite)],
+        "card": {"name": "heading_deg", "index": appears_deg(INDEX_DEG, squeeze)},
+    }
+    frames = [aside(draw(3.0 + 22.5 * step, 100 + step), squeeze) for step in range(16)]
+
+    fitted = fit_to_flight(reader_for([card], aside(draw(PANEL_TURN_DEG, 1), squeeze)), lambda _: frames)
+
+    (gauge,) = fitted.panel.gauges
+    (found,) = fitted.squeezes
+    assert found is not None
+    assert np.allclose(found.matrix, squeeze.matrix, atol=0.01)
+    for turn_deg in (31.0, 44.4, 140.0, 300.0):
+        reading = read_picture(fitted.reader, aside(draw(turn_deg, 9), squeeze)).readings["heading_deg"]
+        (value,) = Scale.of(gauge.scale, 360.0).values_at(np.array([reading.angle_deg]))
+        assert reading.status is Status.READ
+        assert apart(float(value), heading_of(turn_deg)) < 0.2
 
 
 def test_marks_over_a_card_at_regular_distances_are_not_taken_for_its_own() -> None:

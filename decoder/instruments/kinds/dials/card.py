@@ -87,14 +87,19 @@ def card_rows(grid: PolarGrid) -> int:
 
 
 class CardReader:
-    """Reads the card of one gauge; `picture` is the card as it lies in the panel picture."""
+    """Reads the card of one gauge; `picture` is the card as it lies in the panel picture.
 
-    def __init__(self, gauge: Gauge, grid: PolarGrid, picture: CardPicture) -> None:
+    One that `is_doubted`, since most frames of a sample do not match it, is not read: it was learned wrongly, or is
+    seen from aside, and matches by chance.
+    """
+
+    def __init__(self, gauge: Gauge, grid: PolarGrid, picture: CardPicture, *, is_doubted: bool = False) -> None:
         self._index_deg = gauge.sweep[0] if gauge.card is None else gauge.card.index
         self._first_deg = gauge.sweep[0]
         self._grid = grid
         self._rows = card_rows(grid)
         self._picture = picture
+        self._is_doubted = is_doubted
         weights = picture.weights
         self._total = float(weights.sum())
         self._middle = np.float32(picture.card.mean())
@@ -191,7 +196,8 @@ class CardReader:
         angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
         # With a card that the flight did not teach, what stands still over it may match as well as the card does.
         least = SCORE_THRESHOLD if self._picture.is_learned else SURE_SCORE
-        status = Status.READ if turn.score >= least and turn.is_alone else Status.MISSING
+        matches = turn.score >= least and turn.is_alone and not self._is_doubted
+        status = Status.READ if matches else Status.MISSING
         return Reading(status, angle_deg, turn.sigma_rows * self._grid.step_deg, turn.score)
 
     def _scores(self, seen: Floats) -> Floats:
@@ -370,8 +376,12 @@ class _Cards:
     def __init__(self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler) -> None:
         names = [instrument.gauge.quantities[0].name for instrument in instruments]
         self._readers = [
-            (name, instrument.index, CardReader(instrument.gauge, instrument.grid, appearance.pictures[name]))
-            for name, instrument in zip(names, instruments, strict=True)
+            (
+                name,
+                own.index,
+                CardReader(own.gauge, own.grid, appearance.pictures[name], is_doubted=name in appearance.doubted),
+            )
+            for name, own in zip(names, instruments, strict=True)
         ]
         self._sampler = sampler
 

@@ -268,9 +268,17 @@ def _view(dial: _Dial, picture: OverCardPicture, back: UnwrappedGauge, turned_ro
 class OverCardReader:
     """Reads card and needles of one gauge."""
 
-    def __init__(self, dial: _Dial, picture: OverCardPicture, method: Method, evenly_lit_score: float) -> None:
+    def __init__(
+        self,
+        dial: _Dial,
+        picture: OverCardPicture,
+        method: Method,
+        evenly_lit_score: float,
+        *,
+        is_card_doubted: bool = False,
+    ) -> None:
         self._dial, self._picture = dial, picture
-        self._card = CardReader(dial.gauge, dial.card_grid, picture.card)
+        self._card = CardReader(dial.gauge, dial.card_grid, picture.card, is_doubted=is_card_doubted)
         self._sampler = GaugeSampler(Unwrapper([dial.grid]), [0])
         self._needles = dial.needle_kind.reader(
             [Instrument(0, dial.bare_gauge, dial.grid, picture.face)],
@@ -657,6 +665,7 @@ class OverCardKind(Still):
                     appearance.pictures[_name(own.gauge)],
                     method,
                     appearance.evenly_lit_score,
+                    is_card_doubted=_name(own.gauge) in appearance.doubted,
                 ),
             )
             for own in instruments
