@@ -94,6 +94,11 @@ class Squeeze:
         part = math.hypot(self.across, self.askew)
         return math.degrees(math.acos((1.0 - part) / (1.0 + part)))
 
+    @property
+    def turns_off_deg(self) -> float:
+        """By how much a turn is misread on a dial that appears like that, as a standard deviation."""
+        return math.degrees(math.hypot(self.across, self.askew))
+
     def square_on_deg(self, angle_deg: float) -> float:
         """Convert an angle as it appears to the dial's own, in the same turn."""
         x, y = np.linalg.solve(self.matrix, [math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])

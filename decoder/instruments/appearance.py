@@ -197,8 +197,9 @@ class Still:
         """Return None."""
         return None
 
-    def squeeze(self, _instrument: Instrument, _strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+    def squeeze(self, _instrument: Instrument, _strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
         """Return None."""
+        del is_lost
         return None
 
     def seen_deg(

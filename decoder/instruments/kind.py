@@ -72,8 +72,11 @@ class Kind(Protocol):
         """
         ...
 
-    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
-        """Return how it appears squeezed, since it is seen from aside, in a sample's frames; None if it is unknown."""
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
+        """Return how it appears squeezed, since it is seen from aside, in a sample's frames.
+
+        None if it is unknown, or does not matter: what `is_lost` is squared up, and what is read has to allow for it.
+        """
         ...
 
     def seen_deg(

@@ -82,7 +82,9 @@ class FittedReader:
     unsettled
         Gauges whose pivots did not converge.
     squeezes
-        By gauge in the panel's order: how it appears squeezed, if the flight told; else None.
+        By gauge in the panel's order: how it appears squeezed, if it was squared up; else None.
+    allowed
+        In the same order: how those that were not appear squeezed, if the flight told.
     has_points
         Whether angles were taken as points around the drawn centres.
     sampled
@@ -95,6 +97,7 @@ class FittedReader:
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
     squeezes: tuple[Squeeze | None, ...]
+    allowed: tuple[Squeeze | None, ...]
     has_points: bool
     sampled: int
 
@@ -108,12 +111,13 @@ class FittedReader:
         mixture = self.reader.grids[self.panel.gauges.index(gauge)].mixture
         if mixture is not None:
             yield f"read in {mixture}, where what moves on it shows better than in grey"
-        squeeze = self.squeezes[self.panel.gauges.index(gauge)]
-        if squeeze is not None:
-            yield (
-                f"is seen from about {squeeze.aside_deg:.0f} degrees aside, corrected: draw its `rim`, or the panel's"
-                " reference points, with `decode setup`"
-            )
+        index = self.panel.gauges.index(gauge)
+        for squeeze, what in ((self.squeezes[index], "corrected"), (self.allowed[index], "sigma allows for that")):
+            if squeeze is not None:
+                yield (
+                    f"is seen from about {squeeze.aside_deg:.0f} degrees aside, {what}: draw its `rim`, or the panel's"
+                    " reference points, with `decode setup`"
+                )
         if gauge.name in self.unsettled:
             yield (
                 "turns about another point than the drawn centre, but it is unsure which: sigma allows for that; is"
@@ -169,7 +173,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     source = reader.source
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
-    gauges, squeezes = begun.drawn, begun.squeezes
+    gauges, squeezes, allowed = begun.drawn, begun.squeezes, _squeezes(begun, last, of_lost=False)
     del begun
     first, known = last.pivots, _known(last, paths, paths)
     for round_ in range(1, rounds):
@@ -210,6 +214,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             dials_move=last.reader.placement.dials_move,
             found=last.found,
             templates=last.reader.appearance.templates,
+            squeezes=allowed,
         ),
         moved_px={
             gauge.name: (gauge.centre[0] - drawn.centre[0], gauge.centre[1] - drawn.centre[1])
@@ -218,6 +223,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
         squeezes=squeezes,
+        allowed=allowed,
         has_points=log_odds > 0.0,
         sampled=len(samples),
     )
@@ -237,10 +243,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
     starts = _middles_of_marks(gauges, begun.paths, last.found)
-    squeezes = [
-        kind_of(gauge).squeeze(instrument, views) if is_lost(gauge, last.found) else None
-        for gauge, (instrument, _, views) in zip(gauges, _seen(begun.reader, begun.samples), strict=True)
-    ]
+    squeezes = _squeezes(begun, last, of_lost=True)
     if coloured is placed and not any(starts) and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
@@ -253,7 +256,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
 
     begun, last = again(starts, squeezes)
     doubted = _doubted(last.found)
-    helpful = [None if is_lost(gauge, last.found) else own for gauge, own in zip(gauges, squeezes, strict=True)]
+    helpful = tuple(None if is_lost(gauge, last.found) else own for gauge, own in zip(gauges, squeezes, strict=True))
     told = [
         None if {needle.name for needle in gauge.turning} & doubted else start
         for gauge, start in zip(gauges, starts, strict=True)
@@ -262,6 +265,17 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
         del begun, last
         begun, last = again(told, helpful)
     return begun, last
+
+
+def _squeezes(begun: _Recentred, last: _Round, *, of_lost: bool) -> tuple[Squeeze | None, ...]:
+    """By gauge: how lost ones appear squeezed, which need to be squared up, or others, which are read as they are."""
+    wanted = [is_lost(gauge, last.found) is of_lost for gauge in begun.drawn]
+    if not any(wanted):
+        return (None,) * len(wanted)
+    return tuple(
+        kind_of(instrument.gauge).squeeze(instrument, views, is_lost=of_lost) if own else None
+        for own, (instrument, _, views) in zip(wanted, _seen(begun.reader, begun.samples), strict=True)
+    )
 
 
 def _middles_of_marks(

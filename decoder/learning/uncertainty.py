@@ -17,6 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import ANYWHERE, Reading, Status
 from decoder.learning.budget import Cause
@@ -154,6 +155,7 @@ def quantity_uncertainties(
     dials_move: bool,
     found: Sequence[Mapping[str, Reading]] = (),
     templates: Mapping[str, NeedleTemplate] = MappingProxyType({}),
+    squeezes: Sequence[Squeeze | None] = (),
 ) -> dict[str, QuantityUncertainty]:
     """Estimate, for each quantity, the uncertainty of its readings beyond what their frames tell.
 
@@ -177,6 +179,8 @@ def quantity_uncertainties(
         For each frame of a sample, what was read.
     templates
         For each needle, what it looks like in the flight.
+    squeezes
+        For each gauge, how it appears squeezed without having been squared up, if that is known.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     care = _Care(care_part, marks_missed_px(told))
@@ -184,6 +188,9 @@ def quantity_uncertainties(
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
         gauge, as_told, pivot, place_px, path = parts
         as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care)
+        squeeze = squeezes[index] if squeezes else None
+        if squeeze is not None:
+            as_card = replace(as_card, seen_deg=math.hypot(as_card.seen_deg, squeeze.turns_off_deg))
         as_needle = replace(
             as_card,
             drawn_deg=_by_hand_deg(gauge, care),

@@ -127,11 +127,11 @@ def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vec
     return _Rings.of(grid, strips, 0.0).around(np.array(offset_px))
 
 
-def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge], *, most_left: float = FAR_GAIN) -> Squeeze | None:
     """Search for how a card appears squeezed, since it is seen from aside: then frames show the same card, only turned.
 
     What turns within an ellipse comes closer together and draws apart; regular marks soon fall out of step. None if it
-    is seen square on, or nothing turns.
+    is seen square on, nothing turns, or more than `most_left` remains of what is unexplained without.
     """
     strips = _most_different(strips)
     if len(strips) <= 1:
@@ -147,7 +147,7 @@ def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Squeeze |
     scores = score(first)
     found = _finest(score, first[scores.argmax()], STEP_PART / 2)
     drawn, there = (1.0 - float(score(np.array([each]))[0]) for each in ((0.0, 0.0), found))
-    return Squeeze(*found) if there < FAR_GAIN * drawn else None
+    return Squeeze(*found) if there < most_left * drawn else None
 
 
 def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:

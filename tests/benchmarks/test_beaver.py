@@ -89,6 +89,14 @@ def test_cards_are_read_from_aside_though_nobody_squared_the_panel_up(tmp_path: 
     assert {name for name, read in flown.reads.items() if not read.within_95 >= WITHIN} == set()
 
 
+def test_bank_read_from_aside_allows_for_that_if_nobody_squared_the_panel_up(tmp_path: Path) -> None:
+    """It is read up to 7 degrees off: its marks are on a part of the dial, and turn within an ellipse."""
+    flown = decoded("beaver_oblique", drawn(tmp_path, "beaver_oblique", ["attitude"], 12, squares_up=False))
+
+    assert flown.off["roll_deg"] > 1.0  # of 360 degrees
+    assert flown.reads["roll_deg"].within_95 >= WITHIN
+
+
 @pytest.mark.parametrize("picture_frame", [9, 45])
 def test_pointer_that_turns_by_less_than_its_width_is_not_taken_for_print(tmp_path: Path, picture_frame: int) -> None:
     """A broad, short pointer of ten thousands of feet stays a pointer, and no number of its turns is guessed."""

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
@@ -40,6 +41,7 @@ from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.needle_search import peaks_of
+from decoder.matching.pivot_search import card_squeeze
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -684,6 +686,13 @@ class AttitudeKind(Still):
             rings = [strip[:, own.ring] for strip in strips]
             given = replace(given, ring=learn_card(own.gauge, own.ring_grid, rings, given.ring))
         return {own.own.roll: learn_attitude(own, strips, given, _ring_of(own, given))}
+
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
+        """Return it for a horizon that is read: marks of bank on a part of the dial turn too far, or not far enough."""
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        if is_lost or own.own.ring is None:
+            return None
+        return card_squeeze(own.ring_grid, [strip[:, own.ring] for strip in strips], most_left=HALF)
 
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
         own = Attitudes.of(instrument.gauge, instrument.grid)

@@ -430,8 +430,8 @@ class CardKind(Still):
     ) -> tuple[float, float] | None:
         return far_card_pivot(instrument.grid, strips)
 
-    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
-        return card_squeeze(instrument.grid, strips)
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
+        return card_squeeze(instrument.grid, strips) if is_lost else None
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

@@ -96,7 +96,8 @@ class NeedleKind:
         gauge, grid = instrument.gauge, instrument.grid
         return needle_pivot(grid, rows_in_sweep(gauge, grid), self._cuts(gauge), own, strips)
 
-    def squeeze(self, _: Instrument, __: Sequence[UnwrappedGauge]) -> Squeeze | None:
+    def squeeze(self, _: Instrument, __: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
+        del is_lost
         return None
 
     def seen_deg(

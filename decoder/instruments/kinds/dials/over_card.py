@@ -708,6 +708,8 @@ class OverCardKind(Still):
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
         return far_card_pivot(dial.card_grid, parts)
 
-    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> Squeeze | None:
+    def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
+        if not is_lost:
+            return None
         dial = self._dial(instrument.gauge, instrument.grid)
         return card_squeeze(dial.card_grid, [dial.card_part(dial.part(strip)) for strip in strips])
