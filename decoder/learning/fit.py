@@ -39,6 +39,7 @@ from decoder.learning.flight_appearance import (
     learn_hidden_looks,
     learn_likely_needles,
     lit_views,
+    missing_part,
 )
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
@@ -175,7 +176,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
     gauges, squeezes, allowed = begun.drawn, begun.squeezes, _squeezes(begun, last, of_lost=False)
     del begun
-    first, known = last.pivots, _known(last, paths, paths)
+    first, known = last.pivots, _known(last, paths)
     for round_ in range(1, rounds):
         before, log_odds = log_odds, _log_odds(reader, samples, gauges, paths)
         paths = [path.next(pivot) for path, pivot in zip(paths, last.pivots, strict=True)]
@@ -189,7 +190,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         reader, samples = around, unwrapped(around, sample(frames_wanted(around.placement)))
         last = _learned(reader, samples, paths)
         known = _known(last, paths, known)
-    back = [path.back_to(other) for path, other in zip(paths, known, strict=True)]
+    back = [best.back_from(now) for best, now in zip(known, _known(last, paths), strict=True)]
     if any(path.step_px for path in back):
         tell("going back to where needles turned before they were lost")
         around = around_pivots(
@@ -229,10 +230,27 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     )
 
 
-def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[PivotPath]) -> list[PivotPath]:
-    """By gauge: the last path on which it was read in most frames; as `before` if it is not now."""
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """A pivot's path, and the part of a sample's frames in which its gauge was missing there."""
+
+    path: PivotPath
+    missing: float
+
+    def back_from(self, now: _Known) -> PivotPath:
+        """Return the way back here if the gauge was then lost, else the path as it is.
+
+        What was lost in many frames here as well may have been read wrongly.
+        """
+        is_better = self.missing <= HALF * HALF and now.missing > HALF
+        return now.path.back_to(self.path) if is_better else replace(now.path, step_px=None)
+
+
+def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[_Known] = ()) -> list[_Known]:
+    """By gauge: the path on which it was missing least, the last of these."""
     gauges = last.reader.source.panel.gauges
-    return [old if is_lost(gauge, last.found) else path for gauge, path, old in zip(gauges, paths, before, strict=True)]
+    now = [_Known(path, missing_part(gauge, last.found)) for gauge, path in zip(gauges, paths, strict=True)]
+    return [min(new, old, key=lambda each: each.missing) for new, old in zip(now, before or now, strict=True)]
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:

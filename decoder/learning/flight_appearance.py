@@ -160,9 +160,14 @@ def learn_hidden_looks(
 
 def is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
     """Whether something that a gauge tells is missing in most frames."""
+    return missing_part(gauge, found) > HALF
+
+
+def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
+    """Return the part of frames in which the most often missing of what a gauge tells is missing."""
     together = () if gauge.combination is None else (gauge.combination.quantity,)
     missing = [[own[each.name].status is Status.MISSING for own in found] for each in (*gauge.quantities, *together)]
-    return any(2 * sum(each) > len(found) for each in missing)
+    return max((sum(each) / max(len(found), 1) for each in missing), default=0.0)
 
 
 def _as_likely(reading: Reading) -> Reading:
