@@ -187,15 +187,10 @@ def quantity_uncertainties(
     uncertainties = {}
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
         gauge, as_told, pivot, place_px, path = parts
-        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care)
         squeeze = squeezes[index] if squeezes else None
-        if squeeze is not None:
-            as_card = replace(as_card, seen_deg=math.hypot(as_card.seen_deg, squeeze.turns_off_deg))
+        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care, squeeze=squeeze)
         as_needle = replace(
-            as_card,
-            drawn_deg=_by_hand_deg(gauge, care),
-            place_px=place_px,
-            missed_px=_missed_px(path, log_odds),
+            as_card, drawn_deg=_by_hand_deg(gauge, care), place_px=place_px, missed_px=_missed_px(path, log_odds)
         )
         as_written = replace(as_card, drawn_deg=0.0, seen_deg=0.0)  # its scale is given in writing, not drawn
         # If the marks are uneven, they were seen from off-centre, and so was everything else on the dial.
@@ -243,7 +238,14 @@ def _beside_middle(
 
 
 def _of_card(
-    drawn: PanelPictures, index: int, pivot: Pivot, path: PivotPath, *, log_odds: float, care: _Care
+    drawn: PanelPictures,
+    index: int,
+    pivot: Pivot,
+    path: PivotPath,
+    *,
+    log_odds: float,
+    care: _Care,
+    squeeze: Squeeze | None,
 ) -> QuantityUncertainty:
     """Estimate it for a card, whose marks are carried to its pivot as far as that is known."""
     gauge = drawn.panel.gauges[index]
@@ -253,9 +255,11 @@ def _of_card(
         missed, points = _to_allow_for(-abs(log_odds)), _to_allow_for(log_odds)
         doubt_px = pivot.sigma_px if path.was_moved else care.centres_part * rim_px
         card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
+    aside_deg = 0.0 if squeeze is None else squeeze.turns_off_deg
+    seen_deg = _parallax_deg(drawn, index) if gauge.turning else _squeezed_deg(drawn, index)
     return QuantityUncertainty(
         drawn_deg=math.hypot(_by_hand_deg(gauge, care), math.degrees(card_px / rim_px)),
-        seen_deg=_parallax_deg(drawn, index) if gauge.turning else _squeezed_deg(drawn, index),
+        seen_deg=math.hypot(seen_deg, aside_deg),
         place_px=0.0,
         radius_px=gauge.arc_px,
         pivot=pivot.blurred(_height_px(drawn, index)),
