@@ -174,7 +174,9 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     source = reader.source
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
-    gauges, squeezes, allowed = begun.drawn, begun.squeezes, _squeezes(begun, last, of_lost=False)
+    gauges, squeezes = begun.drawn, begun.squeezes
+    read = [squeeze is None and not is_lost(gauge, last.found) for gauge, squeeze in zip(gauges, squeezes, strict=True)]
+    allowed = _squeezes(begun, read, is_lost=False)
     del begun
     first, known = last.pivots, _known(last, paths)
     for round_ in range(1, rounds):
@@ -261,7 +263,8 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
     starts = _middles_of_marks(gauges, begun.paths, last.found)
-    squeezes = _squeezes(begun, last, of_lost=True)
+    missing = [missing_part(gauge, last.found) for gauge in gauges]
+    squeezes = _squeezes(begun, [part > 0.0 for part in missing], is_lost=True)
     if coloured is placed and not any(starts) and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
@@ -274,7 +277,10 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
 
     begun, last = again(starts, squeezes)
     doubted = _doubted(last.found)
-    helpful = tuple(None if is_lost(gauge, last.found) else own for gauge, own in zip(gauges, squeezes, strict=True))
+    helpful = tuple(
+        own if missing_part(gauge, last.found) < before else None
+        for gauge, own, before in zip(gauges, squeezes, missing, strict=True)
+    )
     told = [
         None if {needle.name for needle in gauge.turning} & doubted else start
         for gauge, start in zip(gauges, starts, strict=True)
@@ -285,13 +291,12 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     return begun, last
 
 
-def _squeezes(begun: _Recentred, last: _Round, *, of_lost: bool) -> tuple[Squeeze | None, ...]:
-    """By gauge: how lost ones appear squeezed, which need to be squared up, or others, which are read as they are."""
-    wanted = [is_lost(gauge, last.found) is of_lost for gauge in begun.drawn]
+def _squeezes(begun: _Recentred, wanted: Sequence[bool], *, is_lost: bool) -> tuple[Squeeze | None, ...]:
+    """By gauge: how wanted ones appear squeezed, if they are lost otherwise, or else, read as they are."""
     if not any(wanted):
         return (None,) * len(wanted)
     return tuple(
-        kind_of(instrument.gauge).squeeze(instrument, views, is_lost=of_lost) if own else None
+        kind_of(instrument.gauge).squeeze(instrument, views, is_lost=is_lost) if own else None
         for own, (instrument, _, views) in zip(wanted, _seen(begun.reader, begun.samples), strict=True)
     )
 

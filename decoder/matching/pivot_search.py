@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Self
 
 import cv2
@@ -29,14 +30,14 @@ from decoder.registration.thresholds import NOISE_LEVELS
 
 Vector = tuple[float, float]
 Score = Callable[[Floats], Floats]
-"""How well pivots at offsets (N, 2) px explain all frames: (N,) in [0, 1]."""
+"""How well pivots at offsets (N, 2) px, or views (N, 4), explain all frames: (N,) in [0, 1]."""
 
 # At this resolution a needle that is askew by a fiftieth of the radius still shows.
 ROW_DEG, COLUMNS = 1.0, 16
 CARD_ROW_DEG, CARD_COLUMNS = 1.0, 32
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
-STEP_PART, LAST_STEP_PART = 0.02, 0.01
+STEP_PART, LAST_STEP_PART, FINEST_STEP_PART = 0.02, 0.01, 0.001
 ROUND = Squeeze(0.0, 0.0)
 # A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
@@ -130,8 +131,9 @@ def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vec
 def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge], *, most_left: float = FAR_GAIN) -> Squeeze | None:
     """Search for how a card appears squeezed, since it is seen from aside: then frames show the same card, only turned.
 
-    What turns within an ellipse comes closer together and draws apart; regular marks soon fall out of step. None if it
-    is seen square on, nothing turns, or more than `most_left` remains of what is unexplained without.
+    What turns within an ellipse comes closer together and draws apart; regular marks soon fall out of step, as they do
+    around a centre that is not their pivot, so that is searched for with it. None if the card is seen square on,
+    nothing turns, or more than `most_left` remains of what the best pivot alone leaves unexplained.
     """
     strips = _most_different(strips)
     if len(strips) <= 1:
@@ -140,14 +142,34 @@ def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge], *, most_left
     reach = min(REACH_PART, _most_margin_px(grid) / radius_px)  # at most as seen from 35 degrees aside
     rings = _Rings.of(grid, strips, reach * radius_px)
 
-    def score(squeezes: Floats) -> Floats:
-        return np.array([_alike(rings.around((0.0, 0.0), Squeeze(*each))) for each in squeezes.tolist()])
+    def score(views: Floats) -> Floats:
+        seen = ((radius_px * x, radius_px * y, Squeeze(*squeeze)) for x, y, *squeeze in views.tolist())
+        return np.array([_alike(rings.around((x_px, y_px), squeeze)) for x_px, y_px, squeeze in seen])
 
-    first = _disc(reach, STEP_PART)
-    scores = score(first)
-    found = _finest(score, first[scores.argmax()], STEP_PART / 2)
-    drawn, there = (1.0 - float(score(np.array([each]))[0]) for each in ((0.0, 0.0), found))
-    return Squeeze(*found) if there < most_left * drawn else None
+    squeezes = np.pad(_disc(reach, STEP_PART), ((0, 0), (2, 0)))
+    square_on = _climbed(score, np.zeros(4), 2, reach)
+    starts = square_on[1], squeezes[score(squeezes).argmax()]
+    highest, view = max((_climbed(score, start, 4, reach) for start in starts), key=itemgetter(0))
+    return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on[0]) else None
+
+
+def _climbed(score: Score, start: Floats, axes: int, reach: float) -> tuple[float, Floats]:
+    """Climb along the first of a view's axes to a peak of the score in ever smaller steps; return its height too.
+
+    A view (4,) is an offset and a squeeze, all as parts of the radius; together they stay within `reach`.
+    """
+    ways = np.eye(4)[:axes]
+    ways = np.concatenate([ways, -ways])
+    height, view, step = float(score(start[None])[0]), start, STEP_PART
+    while step > FINEST_STEP_PART:
+        around = view + step * ways
+        around = around[np.hypot(*around[:, :2].T) + np.hypot(*around[:, 2:].T) <= reach]
+        heights = score(around)
+        if heights.size and heights.max() > height:
+            height, view = float(heights.max()), around[heights.argmax()]
+        else:
+            step /= 2
+    return height, view
 
 
 def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
