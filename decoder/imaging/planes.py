@@ -96,8 +96,12 @@ class Squeeze:
 
     @property
     def turns_off_deg(self) -> float:
-        """By how much a turn is misread on a dial that appears like that, as a standard deviation."""
-        return math.degrees(math.hypot(self.across, self.askew))
+        """By how much a turn is misread on a dial that appears like that, root mean square.
+
+        A turn from an angle to another is off by the part times the difference of the sines of twice both, from the
+        longest diameter; here it begins where that is worst, since all of a flight's turns may begin there.
+        """
+        return math.degrees(math.sqrt(1.5) * math.hypot(self.across, self.askew))
 
     def square_on_deg(self, angle_deg: float) -> float:
         """Convert an angle as it appears to the dial's own, in the same turn."""

@@ -37,8 +37,13 @@ ROW_DEG, COLUMNS = 1.0, 16
 CARD_ROW_DEG, CARD_COLUMNS = 1.0, 32
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
-STEP_PART, LAST_STEP_PART, FINEST_STEP_PART = 0.02, 0.01, 0.001
+STEP_PART, LAST_STEP_PART = 0.02, 0.01
 ROUND = Squeeze(0.0, 0.0)
+# A view's offset and squeeze are searched for in steps of `STEP_PART`, so many times halved.
+HALVINGS = 5
+Axes = frozenset[int]
+SQUEEZE_AXES: Axes = frozenset({2, 3})
+ALL_AXES: Axes = frozenset({0, 1}) | SQUEEZE_AXES
 # A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
 # The frames that show a needle elsewhere, and so what lies behind it: the most different third of them.
@@ -128,12 +133,19 @@ def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vec
     return _Rings.of(grid, strips, 0.0).around(np.array(offset_px))
 
 
-def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge], *, most_left: float = FAR_GAIN) -> Squeeze | None:
+def card_squeeze(
+    grid: PolarGrid,
+    strips: Sequence[UnwrappedGauge],
+    *,
+    most_left: float = FAR_GAIN,
+    axes: Axes = ALL_AXES,
+) -> Squeeze | None:
     """Search for how a card appears squeezed, since it is seen from aside: then frames show the same card, only turned.
 
     What turns within an ellipse comes closer together and draws apart; regular marks soon fall out of step, as they do
-    around a centre that is not their pivot, so that is searched for with it. None if the card is seen square on,
-    nothing turns, or more than `most_left` remains of what the best pivot alone leaves unexplained.
+    around a centre that is not their pivot, so that is searched for with it, unless `axes` are those of squeezes only.
+    None if the card is seen square on, nothing turns, or more than `most_left` remains of what the best pivot alone
+    leaves unexplained.
     """
     strips = _most_different(strips)
     if len(strips) <= 1:
@@ -147,28 +159,29 @@ def card_squeeze(grid: PolarGrid, strips: Sequence[UnwrappedGauge], *, most_left
         return np.array([_alike(rings.around((x_px, y_px), squeeze)) for x_px, y_px, squeeze in seen])
 
     squeezes = np.pad(_disc(reach, STEP_PART), ((0, 0), (2, 0)))
-    square_on = _climbed(score, np.zeros(4), 2, reach)
+    square_on = _climbed(score, np.zeros(4), axes - SQUEEZE_AXES, reach)
     starts = square_on[1], squeezes[score(squeezes).argmax()]
-    highest, view = max((_climbed(score, start, 4, reach) for start in starts), key=itemgetter(0))
+    highest, view = max((_climbed(score, start, axes, reach) for start in starts), key=itemgetter(0))
     return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on[0]) else None
 
 
-def _climbed(score: Score, start: Floats, axes: int, reach: float) -> tuple[float, Floats]:
-    """Climb along the first of a view's axes to a peak of the score in ever smaller steps; return its height too.
+def _climbed(score: Score, start: Floats, axes: Axes, reach: float) -> tuple[float, Floats]:
+    """Climb along some axes of a view to a peak of the score in ever smaller steps; return its height and place.
 
     A view (4,) is an offset and a squeeze, all as parts of the radius; together they stay within `reach`.
     """
-    ways = np.eye(4)[:axes]
+    ways = np.eye(4)[sorted(axes)]
     ways = np.concatenate([ways, -ways])
-    height, view, step = float(score(start[None])[0]), start, STEP_PART
-    while step > FINEST_STEP_PART:
-        around = view + step * ways
-        around = around[np.hypot(*around[:, :2].T) + np.hypot(*around[:, 2:].T) <= reach]
-        heights = score(around)
-        if heights.size and heights.max() > height:
-            height, view = float(heights.max()), around[heights.argmax()]
-        else:
-            step /= 2
+    height, view = float(score(start[None])[0]), start
+    for halved in range(HALVINGS):
+        rises = len(ways) > 0
+        while rises:
+            around = view + STEP_PART / 2**halved * ways
+            around = around[np.hypot(*around[:, :2].T) + np.hypot(*around[:, 2:].T) <= reach]
+            heights = score(around)
+            rises = max(heights, default=0.0) > height
+            if rises:
+                height, view = float(heights.max()), around[heights.argmax()]
     return height, view
 
 

@@ -41,7 +41,7 @@ from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.needle_search import peaks_of
-from decoder.matching.pivot_search import card_squeeze
+from decoder.matching.pivot_search import SQUEEZE_AXES, card_squeeze
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -692,7 +692,9 @@ class AttitudeKind(Still):
         own = Attitudes.of(instrument.gauge, instrument.grid)
         if is_lost or own.own.ring is None:
             return None
-        return card_squeeze(own.ring_grid, [strip[:, own.ring] for strip in strips], most_left=HALF)
+        # Marks on one part of a ring come apart around a pivot that is off as they do in a squeeze.
+        strips = [strip[:, own.ring] for strip in strips]
+        return card_squeeze(own.ring_grid, strips, most_left=HALF, axes=SQUEEZE_AXES)
 
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
         own = Attitudes.of(instrument.gauge, instrument.grid)
