@@ -160,7 +160,7 @@ def card_squeeze(
 
     squeezes = np.pad(_disc(reach, STEP_PART), ((0, 0), (2, 0)))
     square_on = _climbed(score, np.zeros(4), axes - SQUEEZE_AXES, reach)
-    starts = square_on[1], squeezes[score(squeezes).argmax()]
+    starts = np.zeros(4), square_on[1], squeezes[score(squeezes).argmax()]
     highest, view = max((_climbed(score, start, axes, reach) for start in starts), key=itemgetter(0))
     return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on[0]) else None
 

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import Squeeze
-from decoder.instruments.panel_reader import PanelReader, read_picture
+from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
+from decoder.matching.pivot_search import card_squeeze
 from decoder.panel.scale import Scale, shortest
 from decoder.timeseries.flight_data import FlightDataBuilder
 from decoder.timeseries.gaps import fill_gaps
@@ -119,6 +120,23 @@ def appears_deg(angle_deg: float, squeeze: Squeeze) -> float:
     angle = math.radians(angle_deg)
     x, y = squeeze.matrix @ [math.cos(angle), math.sin(angle)]
     return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0)
+
+
+@pytest.mark.parametrize("squeeze", [Squeeze(0.0225, 0.008), Squeeze(-0.015, 0.016)], ids=str)
+@pytest.mark.parametrize("off_px", [(0.0, 0.0), (0.5, -2.5), (2.0, 1.5)])
+def test_squeeze_is_found_around_a_centre_that_is_drawn_off_the_pivot(
+    squeeze: Squeeze, off_px: tuple[float, float]
+) -> None:
+    """Off its pivot a card does not look alike in any squeeze, nor squeezed around any pivot."""
+    x, y = CENTRE
+    drawn = reader_for([CARD | {"centre": [x + off_px[0], y + off_px[1]]}], aside(draw(PANEL_TURN_DEG, 1), squeeze))
+    turned = [aside(draw(3.0 + 43.5 * step, 100 + step), squeeze) for step in range(8)]
+    strips = [frame.gauges[0] for frame in unwrapped(drawn, turned)]
+
+    found = card_squeeze(drawn.grids[0], strips)
+
+    assert found is not None
+    assert np.allclose(found.matrix, squeeze.matrix, atol=0.005)
 
 
 @pytest.mark.parametrize("squeeze", [Squeeze(0.02, 0.01), Squeeze(-0.03, 0.02), Squeeze(0.01, -0.06)], ids=str)
