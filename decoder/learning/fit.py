@@ -174,9 +174,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     source = reader.source
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
-    gauges, squeezes = begun.drawn, begun.squeezes
-    read = [squeeze is None and not is_lost(gauge, last.found) for gauge, squeeze in zip(gauges, squeezes, strict=True)]
-    allowed = _squeezes(begun, read, is_lost=False)
+    gauges, squeezes, allowed = begun.drawn, begun.squeezes, _allowed(begun, last)
     del begun
     first, known = last.pivots, _known(last, paths)
     for round_ in range(1, rounds):
@@ -278,7 +276,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     begun, last = again(starts, squeezes)
     doubted = _doubted(last.found)
     helpful = tuple(
-        own if missing_part(gauge, last.found) < before else None
+        own if missing_part(gauge, last.found) < before and not is_lost(gauge, last.found) else None
         for gauge, own, before in zip(gauges, squeezes, missing, strict=True)
     )
     told = [
@@ -291,8 +289,20 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     return begun, last
 
 
+def _allowed(begun: _Recentred, last: _Round) -> tuple[Squeeze | None, ...]:
+    """By gauge that is read as it is: how it appears squeezed, for its sigma to allow for."""
+    return _squeezes(
+        begun,
+        [
+            squeeze is None and not is_lost(gauge, last.found)
+            for gauge, squeeze in zip(begun.drawn, begun.squeezes, strict=True)
+        ],
+        is_lost=False,
+    )
+
+
 def _squeezes(begun: _Recentred, wanted: Sequence[bool], *, is_lost: bool) -> tuple[Squeeze | None, ...]:
-    """By gauge: how wanted ones appear squeezed, if they are lost otherwise, or else, read as they are."""
+    """By gauge that is wanted: how it appears squeezed, as one that is lost, or one that is read as it is."""
     if not any(wanted):
         return (None,) * len(wanted)
     return tuple(
