@@ -262,7 +262,8 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
     starts = _middles_of_marks(gauges, begun.paths, last.found)
     missing = [missing_part(gauge, last.found) for gauge in gauges]
-    squeezes = _squeezes(begun, [part > 0.0 for part in missing], is_lost=True)
+    # Less is often missing for what lies over a dial.
+    squeezes = _squeezes(begun, [part > HALF * HALF for part in missing], is_lost=True)
     if coloured is placed and not any(starts) and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
