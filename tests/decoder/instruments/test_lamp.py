@@ -102,6 +102,22 @@ def test_what_a_flight_showed_lit_is_told_nearer_to_it() -> None:
     assert (dark.status, dark.angle_deg) == (Status.READ, 0.0)
 
 
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.7, 0.9])
+def test_a_lamp_that_dims_with_the_panel_is_never_told_wrongly(part: float) -> None:
+    """A camera that exposes for a brighter scene dims lamp and panel alike; a lamp that is often off is read, too."""
+    gains = 0.45 + 0.04 * np.random.default_rng(3).permutation(16)
+    lights = 45.0 * gains * (np.random.default_rng(4).permutation(16) < 16 * part)
+    frames = [
+        drawn(light, sun=gain, seed=seed) for seed, (light, gain) in enumerate(zip(lights, gains, strict=True), 1)
+    ]
+    taught = learn_lamp(LAMP, GRID, frames, first_lamp(LAMP, GRID, drawn(0.0)))
+    dim, dark = (found["low_fuel_on"] for found in read(taught, drawn(22.5, sun=0.5, seed=50), drawn(0.0, sun=0.5)))
+
+    assert dim.status is Status.MISSING or dim.angle_deg == 1.0
+    assert dark.status is Status.MISSING or dark.angle_deg == 0.0
+    assert part > 0.5 or (dim.status, dark.status) == (Status.READ, Status.READ)
+
+
 def test_a_lamp_drawn_lit_goes_out() -> None:
     """The panel picture may show it lit; then what is darker is off."""
     lamp = Lamp(name="low_fuel_on", lit=True)

@@ -21,7 +21,7 @@ from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN
 from decoder.matching.correlation import products
-from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_VIEWS, OUTLIER_SPREADS
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_LIGHT_GAIN, MIN_VIEWS
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.lamp import Lamp
@@ -66,7 +66,10 @@ class LampPicture:
     left
         The usual residual variance around the window after fitting the light there.
     other
-        The distance of its other state in grey levels, if the sample shows it.
+        The distance of its other state in grey levels, if the sample shows it, at a gain of 1.
+    power
+        The power of the gain with which that distance grows: 0 for a lamp that shines the same in the sun, 1 for one
+        that a camera's exposure dims along with the panel.
     is_doubtful
         Whether the sample shows it darker than off, or brighter than lit, so that the panel states the wrong state; or
         often between both, so that more than its state changes.
@@ -80,6 +83,7 @@ class LampPicture:
     shining: float
     left: float = NOISE_LEVELS**2
     other: float | None = None
+    power: float = 0.0
     is_doubtful: bool = False
 
     def told(self, added: Added) -> Floats:
@@ -92,6 +96,11 @@ class LampPicture:
         """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge."""
         sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
         return sigmas
+
+    def apart(self, added: Added) -> Floats:
+        """(F,): how far its other state lies in each frame, grey levels, 0 where the sample does not show it."""
+        apart: Floats = (self.other or 0.0) * _grown(added, self.power)
+        return apart
 
     def scores(self, added: Added) -> Floats:
         """(F,): how well the surroundings match the panel picture in the fitted light."""
@@ -116,6 +125,10 @@ class Added:
     gain: Floats
     shown: Floats
     left: Floats
+
+    def of(self, frames: Mask) -> Added:
+        """Return these of the frames (F,)."""
+        return Added(self.levels[frames], self.gain[frames], self.shown[frames], self.left[frames])
 
 
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady: Floats) -> Added:
@@ -215,57 +228,103 @@ def _shining(grid: WindowGrid, drawn: UnwrappedGauge) -> Floats:
 
 
 def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
-    """Learn from a sample's frames (R, C) which pixels scatter least while the lamp does not change."""
+    """Learn from a sample's frames (R, C) how either state looks, and which pixels tell most.
+
+    What the light on the panel does to the window is first told from all frames and, once they are told apart, from
+    those alone that show the panel picture's state.
+    """
     if len(strips) < FRAMES_TO_LEARN:
         return known
     steady = _steady(grid, known.drawn, np.stack(strips))
     added = added_light(grid, known.drawn, np.stack(strips), steady)
-    response = _response(added, -known.drawn[grid.within], known.response) if lamp.lit else known.response
+    known = replace(known, steady=steady, left=float(np.median(added.left)))
+    usual = known.response
+    response = _response(added, known, grid, most=HALF * usual) if lamp.lit else usual
+    learned = _with_response(lamp, grid, known, added, response)
+    is_own, away = _states(lamp, learned, added)
+    if is_own.all() or is_own.sum() < MIN_VIEWS:
+        return learned
+    if np.median(away[~is_own]) < BEYOND_CHANCE_SPREADS * learned.sigma:
+        return learned
+    response = _response(added.of(is_own), known, grid, most=np.zeros_like(usual))
+    return _with_response(lamp, grid, known, added, response)
+
+
+def _with_response(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Added, response: Floats) -> LampPicture:
+    """Weigh the pixels by how much they tell, and learn what its states look like."""
     levels = added.levels - response * (added.gain - 1.0)[:, None, None]
     weights = 1.0 / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
     shining = _shining(grid, known.drawn)
     weights *= (shining if lamp.lit else np.ptp(levels, axis=0)) + NOISE_LEVELS  # by how much each changes
     weights /= weights.sum()
-    learned = replace(
-        known,
-        steady=steady,
-        weights=weights,
-        sigma=0.0,
-        response=response,
-        shining=float((weights * shining).sum()) * lamp.lit,
-        left=float(np.median(added.left)),
-    )
-    return _with_states(lamp, learned, added)
+    shines = float((weights * shining).sum()) * lamp.lit
+    learned = replace(known, weights=weights, sigma=0.0, response=response, shining=shines)
+    return _with_states(lamp, replace(learned, power=_power(lamp, learned, added)), added)
 
 
 def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
     """Learn how much each of its states scatters, how far they lie apart, and whether there are two."""
-    told = learned.told(added)
-    away = -told if lamp.lit else told
-    near = told[away < max(away.max(), DIMMEST_LEVELS) / 2]  # its other state may scatter more or less
-    learned = replace(learned, sigma=max(float(_scatter(near if len(near) > 1 else told)), FACE_NOISE_LEVELS))
-    seen = away[away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)]
-    other = float(np.median(seen)) if seen.size else None
+    is_own, away = _states(lamp, learned, added)
+    near = away[is_own] if is_own.sum() > 1 else away  # its other state may scatter more or less
+    learned = replace(learned, sigma=max(float(_scatter(near)), FACE_NOISE_LEVELS))
+    is_seen = away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)
+    other = float(np.median((away / _grown(added, learned.power))[is_seen])) if is_seen.any() else None
+    learned = replace(learned, other=other)
     whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
     is_wrong = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
-    sure, far = BEYOND_CHANCE_SPREADS * learned.sigma, other or 0.0
-    is_between = (np.abs(away) > sure) & (np.abs(away - far) > max(sure, far / 4))
+    sure, apart = BEYOND_CHANCE_SPREADS * learned.sigma, learned.apart(added)
+    is_between = (np.abs(away) > sure) & (np.abs(away - apart) > np.maximum(sure, apart / 4))
     is_between &= learned.scores(added) >= SCORE_THRESHOLD
-    return replace(learned, other=other, is_doubtful=is_wrong or int(is_between.sum()) >= MIN_VIEWS)
+    return replace(learned, is_doubtful=is_wrong or int(is_between.sum()) >= MIN_VIEWS)
 
 
-def _response(added: Added, least: Floats, usual: Floats) -> Floats:
+def _states(lamp: Lamp, learned: LampPicture, added: Added) -> tuple[Mask, Floats]:
+    """(F,), (F,): which frames show the panel picture's state, and how far all are from it, grey levels."""
+    told = learned.told(added)
+    away = -told if lamp.lit else told
+    even = away / _grown(added, learned.power)
+    return even < max(_in_two(even)[0], DIMMEST_LEVELS / 2), away
+
+
+def _power(lamp: Lamp, learned: LampPicture, added: Added) -> float:
+    """Choose the power of the gain by which frames fall into two states most clearly."""
+    away = _states(lamp, learned, added)[1]
+    return max((0.0, 1.0), key=lambda power: _in_two(away / _grown(added, power))[1])
+
+
+def _grown(added: Added, power: float) -> Floats:
+    """(F,): how many times further apart the states lie in these frames than at a gain of 1."""
+    grown: Floats = np.maximum(added.gain, MIN_LIGHT_GAIN) ** power
+    return grown
+
+
+def _in_two(values: Floats) -> tuple[float, float]:
+    """Part values (F,) into those around 0 and others that are as much alike as possible (as Otsu, 1979).
+
+    Returns what lies between the two groups, and which part of the values' power they explain.
+    """
+    values = np.sort(values)
+    power = np.square(values)
+    high = np.arange(len(values), 0, -1)
+    explained = np.square(np.cumsum(values[::-1])[::-1]) / high / max(float(power.sum()), FACE_NOISE_LEVELS)
+    first = int(np.argmax(explained))
+    return float(values[max(first - 1, 0) : first + 1].mean()), float(explained[first])
+
+
+def _response(added: Added, known: LampPicture, grid: WindowGrid, *, most: Floats) -> Floats:
     """(r, c): the slope of levels over gains, by the median over pairs of frames (Sen, 1968), near the usual if alike.
 
-    It is at `least` that of a window which shows nothing but its lamp, and at most that of one half of whose brightness
-    is its lamp's: where levels seem to grow more with the gain, it is the lamp going out that dims its surroundings.
+    It is at least that of a window which shows nothing but its lamp. In frames of both states it is at most that of a
+    window whose brightness is half its lamp's: where levels seem to grow more with the gain, it is the lamp going out
+    that dims its surroundings.
     """
     one, other = np.triu_indices(len(added.gain), 1)
     apart = added.gain[one] - added.gain[other]
     is_told = np.abs(apart) >= np.median(np.abs(apart))
     run, rise = apart[is_told, None, None], (added.levels[one] - added.levels[other])[is_told]
-    slopes: Floats = np.median((rise * run + usual * EXPOSURE_PART**2) / (np.square(run) + EXPOSURE_PART**2), axis=0)
-    return np.clip(slopes, least, HALF * usual)
+    prior = EXPOSURE_PART**2
+    slopes: Floats = np.median((rise * run + known.response * prior) / (np.square(run) + prior), axis=0)
+    return np.clip(slopes, -known.drawn[grid.within], most)
 
 
 def _scatter(levels: Floats) -> Floats:
@@ -288,10 +347,11 @@ class LampReader:
         """Read F frames of the window and its surroundings, (F, R, C)."""
         picture = self._picture
         added = added_light(self._grid, picture.drawn, strips, picture.steady)
-        told = (picture.told(added), picture.sigmas(added), picture.scores(added))
+        apart = picture.apart(added) if picture.other else 2 * DIMMEST_LEVELS * np.minimum(added.gain, 1.0)
+        told = (picture.told(added), picture.sigmas(added), picture.scores(added), apart)
         return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
 
-    def _reading(self, level: float, sigma: float, score: float) -> dict[str, Reading]:
+    def _reading(self, level: float, sigma: float, score: float, apart: float) -> dict[str, Reading]:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
 
         The state that the panel picture does not show is only read if the light is further off than a reflection's
@@ -299,14 +359,15 @@ class LampReader:
         read.
         """
         lamp, picture = self._lamp, self._picture
-        away, other = -level if lamp.lit else level, picture.other
-        least = other / 2 if other else DIMMEST_LEVELS
-        most = other / 2 if other else max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
+        away = -level if lamp.lit else level
+        least = most = apart / 2
+        if not picture.other:
+            most = max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
         is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, least)
         is_other = away >= most
         is_told = (
             not picture.is_doubtful
-            and least >= OUTLIER_SPREADS * sigma
+            and least >= BEYOND_CHANCE_SPREADS * sigma
             and is_same != is_other
             and (picture.other is not None or not lamp.lit or picture.shining >= DIMMEST_LEVELS)
             and score >= SCORE_THRESHOLD
