@@ -118,6 +118,19 @@ def test_a_lamp_that_dims_with_the_panel_is_never_told_wrongly(part: float) -> N
     assert part > 0.5 or (dim.status, dark.status) == (Status.READ, Status.READ)
 
 
+def test_a_lamp_seen_lit_by_day_is_not_called_off_at_night() -> None:
+    """Nothing tells whether its light dims along with the panel: where that would hide it, nothing is read."""
+    gains, is_lit = [0.75] * 8 + [0.15] * 8, [False] * 4 + [True] * 4 + [False] * 8
+    frames = [
+        drawn(45.0 * on, sun=gain, seed=seed) for seed, (gain, on) in enumerate(zip(gains, is_lit, strict=True), 1)
+    ]
+    taught = learn_lamp(LAMP, GRID, frames, first_lamp(LAMP, GRID, drawn(0.0)))
+    night, day = (found["low_fuel_on"] for found in read(taught, drawn(0.0, sun=0.1), drawn(0.0, sun=0.75)))
+
+    assert night.status is Status.MISSING
+    assert (day.status, day.angle_deg) == (Status.READ, 0.0)
+
+
 def test_a_lamp_drawn_lit_goes_out() -> None:
     """The panel picture may show it lit; then what is darker is off."""
     lamp = Lamp(name="low_fuel_on", lit=True)

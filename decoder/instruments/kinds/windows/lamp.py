@@ -19,7 +19,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, DIMMEST_LEVELS, FRAMES_TO_LEARN
+from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, CLEARLY_WORSE, DIMMEST_LEVELS, FRAMES_TO_LEARN
 from decoder.matching.correlation import products
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_LIGHT_GAIN, MIN_VIEWS
 from decoder.panel.arrays import Floats, Mask
@@ -65,11 +65,8 @@ class LampPicture:
         By how many grey levels it is brighter than the panel around it in the panel picture, if it is lit there.
     left
         The usual residual variance around the window after fitting the light there.
-    other
-        The distance of its other state in grey levels, if the sample shows it, at a gain of 1.
-    power
-        The power of the gain with which that distance grows: 0 for a lamp that shines the same in the sun, 1 for one
-        that a camera's exposure dims along with the panel.
+    others
+        How far its other state may be, if the sample shows it: twice where either may be so.
     is_doubtful
         Whether the sample shows it darker than off, or brighter than lit, so that the panel states the wrong state; or
         often between both, so that more than its state changes.
@@ -82,8 +79,7 @@ class LampPicture:
     response: Floats
     shining: float
     left: float = NOISE_LEVELS**2
-    other: float | None = None
-    power: float = 0.0
+    others: tuple[Other, ...] = ()
     is_doubtful: bool = False
 
     def told(self, added: Added) -> Floats:
@@ -97,10 +93,14 @@ class LampPicture:
         sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
         return sigmas
 
-    def apart(self, added: Added) -> Floats:
-        """(F,): how far its other state lies in each frame, grey levels, 0 where the sample does not show it."""
-        apart: Floats = (self.other or 0.0) * _grown(added, self.power)
-        return apart
+    def between(self, added: Added) -> tuple[Floats, Floats]:
+        """(F,), (F,): halfway to its other state in each frame, grey levels: the least and the most that it may be.
+
+        If the sample does not show that state, it is the least that may be some lamp's light.
+        """
+        halves = [HALF * other.away * _grown(added, other.power) for other in self.others]
+        halves = halves or [DIMMEST_LEVELS * np.minimum(added.gain, 1.0)]
+        return np.min(halves, axis=0), np.max(halves, axis=0)
 
     def scores(self, added: Added) -> Floats:
         """(F,): how well the surroundings match the panel picture in the fitted light."""
@@ -111,6 +111,18 @@ class LampPicture:
     def _unusual(self, left: Floats) -> Floats:
         unusual: Floats = np.maximum(left - self.left, 0.0)
         return unusual
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """How far the state that the panel picture does not show may be from the one that it shows.
+
+    `away` is that distance at a gain of 1, in grey levels, and `power` that of the gain with which it grows: 0 for a
+    lamp that shines the same in the sun, 1 for one that a camera's exposure dims along with the panel.
+    """
+
+    power: float
+    away: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +253,8 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     usual = known.response
     response = _response(added, known, grid, most=HALF * usual) if lamp.lit else usual
     learned = _with_response(lamp, grid, known, added, response)
-    is_own, away = _states(lamp, learned, added)
+    away, powers = _away(lamp, learned, added), _powers(lamp, learned, added)
+    is_own = _is_own(away, added, powers[0])
     if is_own.all() or is_own.sum() < MIN_VIEWS:
         return learned
     if np.median(away[~is_own]) < BEYOND_CHANCE_SPREADS * learned.sigma:
@@ -258,38 +271,50 @@ def _with_response(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Adde
     weights *= (shining if lamp.lit else np.ptp(levels, axis=0)) + NOISE_LEVELS  # by how much each changes
     weights /= weights.sum()
     shines = float((weights * shining).sum()) * lamp.lit
-    learned = replace(known, weights=weights, sigma=0.0, response=response, shining=shines)
-    return _with_states(lamp, replace(learned, power=_power(lamp, learned, added)), added)
+    return _with_states(lamp, replace(known, weights=weights, sigma=0.0, response=response, shining=shines), added)
 
 
 def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
     """Learn how much each of its states scatters, how far they lie apart, and whether there are two."""
-    is_own, away = _states(lamp, learned, added)
+    away, powers = _away(lamp, learned, added), _powers(lamp, learned, added)
+    is_own = _is_own(away, added, powers[0])
     near = away[is_own] if is_own.sum() > 1 else away  # its other state may scatter more or less
     learned = replace(learned, sigma=max(float(_scatter(near)), FACE_NOISE_LEVELS))
     is_seen = away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)
-    other = float(np.median((away / _grown(added, learned.power))[is_seen])) if is_seen.any() else None
-    learned = replace(learned, other=other)
+    if is_seen.any():
+        seen = [Other(power, float(np.median((away / _grown(added, power))[is_seen]))) for power in powers]
+        learned = replace(learned, others=tuple(seen))
     whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
     is_wrong = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
-    sure, apart = BEYOND_CHANCE_SPREADS * learned.sigma, learned.apart(added)
-    is_between = (np.abs(away) > sure) & (np.abs(away - apart) > np.maximum(sure, apart / 4))
-    is_between &= learned.scores(added) >= SCORE_THRESHOLD
+    sure = BEYOND_CHANCE_SPREADS * learned.sigma
+    is_between = (np.abs(away) > sure) & (learned.scores(added) >= SCORE_THRESHOLD)
+    for other in learned.others:
+        apart = other.away * _grown(added, other.power)
+        is_between &= np.abs(away - apart) > np.maximum(sure, apart / 4)
     return replace(learned, is_doubtful=is_wrong or int(is_between.sum()) >= MIN_VIEWS)
 
 
-def _states(lamp: Lamp, learned: LampPicture, added: Added) -> tuple[Mask, Floats]:
-    """(F,), (F,): which frames show the panel picture's state, and how far all are from it, grey levels."""
+def _away(lamp: Lamp, learned: LampPicture, added: Added) -> Floats:
+    """(F,): how far frames are from the state in the panel picture towards the other one, grey levels."""
     told = learned.told(added)
-    away = -told if lamp.lit else told
-    even = away / _grown(added, learned.power)
-    return even < max(_in_two(even)[0], DIMMEST_LEVELS / 2), away
+    return -told if lamp.lit else told
 
 
-def _power(lamp: Lamp, learned: LampPicture, added: Added) -> float:
-    """Choose the power of the gain by which frames fall into two states most clearly."""
-    away = _states(lamp, learned, added)[1]
-    return max((0.0, 1.0), key=lambda power: _in_two(away / _grown(added, power))[1])
+def _is_own(away: Floats, added: Added, power: float) -> Mask:
+    """(F,): which frames show the panel picture's state, if the other's distance grows with this power of the gain."""
+    grown = _grown(added, power)
+    is_own: Mask = away / grown < max(_in_two(away, grown)[0], DIMMEST_LEVELS / 2)
+    return is_own
+
+
+def _powers(lamp: Lamp, learned: LampPicture, added: Added) -> tuple[float, ...]:
+    """Find by which powers of the gain frames may fall into two states, the clearest first."""
+    away = _away(lamp, learned, added)
+    unexplained = {power: 1.0 - _in_two(away, _grown(added, power))[1] for power in (0.0, 1.0)}
+    least = min(unexplained.values())
+    return tuple(
+        sorted((p for p in unexplained if unexplained[p] <= CLEARLY_WORSE * least), key=unexplained.__getitem__)
+    )
 
 
 def _grown(added: Added, power: float) -> Floats:
@@ -298,17 +323,18 @@ def _grown(added: Added, power: float) -> Floats:
     return grown
 
 
-def _in_two(values: Floats) -> tuple[float, float]:
-    """Part values (F,) into those around 0 and others that are as much alike as possible (as Otsu, 1979).
+def _in_two(away: Floats, grown: Floats) -> tuple[float, float]:
+    """Part frames (F,) into those of one state, around 0, and those that are as many times further away as is `grown`.
 
-    Returns what lies between the two groups, and which part of the values' power they explain.
+    Returns what lies between both at a gain of 1, and which part of the frames' squares they explain (as Otsu, 1979).
     """
-    values = np.sort(values)
-    power = np.square(values)
-    high = np.arange(len(values), 0, -1)
-    explained = np.square(np.cumsum(values[::-1])[::-1]) / high / max(float(power.sum()), FACE_NOISE_LEVELS)
+    order = np.argsort(away / grown)
+    away, grown = away[order], grown[order]
+    like, power = (np.cumsum(each[::-1])[::-1] for each in (away * grown, np.square(grown)))
+    explained = np.square(like) / power / max(float(np.square(away).sum()), FACE_NOISE_LEVELS)
     first = int(np.argmax(explained))
-    return float(values[max(first - 1, 0) : first + 1].mean()), float(explained[first])
+    even = away / grown
+    return float(even[max(first - 1, 0) : first + 1].mean()), float(explained[first])
 
 
 def _response(added: Added, known: LampPicture, grid: WindowGrid, *, most: Floats) -> Floats:
@@ -347,11 +373,10 @@ class LampReader:
         """Read F frames of the window and its surroundings, (F, R, C)."""
         picture = self._picture
         added = added_light(self._grid, picture.drawn, strips, picture.steady)
-        apart = picture.apart(added) if picture.other else 2 * DIMMEST_LEVELS * np.minimum(added.gain, 1.0)
-        told = (picture.told(added), picture.sigmas(added), picture.scores(added), apart)
+        told = (picture.told(added), picture.sigmas(added), picture.scores(added), *picture.between(added))
         return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
 
-    def _reading(self, level: float, sigma: float, score: float, apart: float) -> dict[str, Reading]:
+    def _reading(self, level: float, sigma: float, score: float, least: float, most: float) -> dict[str, Reading]:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
 
         The state that the panel picture does not show is only read if the light is further off than a reflection's
@@ -360,8 +385,7 @@ class LampReader:
         """
         lamp, picture = self._lamp, self._picture
         away = -level if lamp.lit else level
-        least = most = apart / 2
-        if not picture.other:
+        if not picture.others:
             most = max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
         is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, least)
         is_other = away >= most
@@ -369,7 +393,7 @@ class LampReader:
             not picture.is_doubtful
             and least >= BEYOND_CHANCE_SPREADS * sigma
             and is_same != is_other
-            and (picture.other is not None or not lamp.lit or picture.shining >= DIMMEST_LEVELS)
+            and (bool(picture.others) or not lamp.lit or picture.shining >= DIMMEST_LEVELS)
             and score >= SCORE_THRESHOLD
         )
         status = Status.READ if is_told else Status.MISSING
