@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from decoder.imaging.sorting import median, median_of, middle_views
 from decoder.imaging.unwrapping import PolarGrid, row_of_angle
 from decoder.matching.strips import rows_at
-from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_VIEWS
+from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_LIGHT_GAIN, MIN_VIEWS, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.registration.thresholds import NOISE_LEVELS
 
@@ -23,13 +24,23 @@ LitViews = Sequence[Sequence[Floats | None]]
 
 
 def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
-    """Bring unwrapped gauges into the light of a reference picture; None for those that have nothing in common with it.
+    """Bring unwrapped gauges into the light of a reference picture; None for those too dark to learn from.
 
-    Gain and offset are fitted by least squares over every third pixel, without pixels where needles or glare make them
-    differ.
+    Gain is the ratio of contrasts, and the offset follows from the means, over every third pixel and without pixels
+    where needles or glare make a gauge differ from the reference. A regression would take what is not alike for noise,
+    and a card that has turned, or a dial out of focus, for one in brighter light. The brighter half of the gauges is
+    always used, unless it is black.
     """
     wanted = _thinned(reference)
-    return [_lit(wanted, strip) for strip in strips]
+    strips = list(strips)
+    seen = [_thinned(strip) for strip in strips]
+    contrasts = np.array([each.std() for each in seen])
+    usable = min(MIN_LIGHT_GAIN * float(wanted.std()), float(np.median(contrasts))) if strips else 0.0
+    least = max(usable, OUTLIER_SPREADS * FACE_NOISE_LEVELS)
+    return [
+        _lit(wanted, thinned, strip) if contrast >= least else None
+        for thinned, strip, contrast in zip(seen, strips, contrasts.tolist(), strict=True)
+    ]
 
 
 def _thinned(strip: Floats) -> Floats:
@@ -38,32 +49,61 @@ def _thinned(strip: Floats) -> Floats:
     return thinned
 
 
-def _lit(wanted: Floats, strip: Floats) -> Floats | None:
-    """Bring one gauge into the light of a reference's thinned pixels."""
-    seen = _thinned(strip)
-    off = wanted - seen
-    gain, offset = 1.0, float(median(off))
-    off -= np.float32(offset)
-    for step in range(LIGHT_PASSES):
-        if step:
-            np.multiply(seen, np.float32(gain), out=off)
-            off += np.float32(offset)
-            off -= wanted
-        is_near = np.abs(off, out=off) < 5 * NOISE_LEVELS
-        near = is_near.astype(np.float32)
-        here = seen * near
-        # separate dot products: for so few rows a matrix product takes three times as long
-        count, sum_x, sum_y = np.count_nonzero(is_near), float(seen @ near), float(wanted @ near)
-        spread = float(here @ seen) / count - (sum_x / count) ** 2 if count else 0.0
-        if spread < 1.0:
-            return None
-        gain = (float(here @ wanted) / count - sum_x * sum_y / count**2) / spread
-        offset = (sum_y - gain * sum_x) / count
-    if gain < MIN_LIGHT_GAIN or gain > 1 / MIN_LIGHT_GAIN:
+def _lit(wanted: Floats, seen: Floats, strip: Floats) -> Floats | None:
+    """Bring one gauge into the light of a reference, given the thinned pixels of both, neither of them flat."""
+    starts = [(1.0, float(median(wanted - seen))), _equal_contrast(wanted, seen), _usual_ratio(wanted, seen)]
+    gain, offset = _fit(wanted, seen, *max(starts, key=lambda start: _near(wanted, seen, *start)))
+    if gain < MIN_LIGHT_GAIN:
         return None
     lit: Floats = strip * np.float32(gain)
     lit += np.float32(offset + MIDDLE_GREY * (1.0 - gain))
     return lit
+
+
+def _equal_contrast(wanted: Floats, seen: Floats) -> tuple[float, float]:
+    """Return the gain and offset of equal mean and contrast: right wherever a card has turned, but not under glare."""
+    gain = float(wanted.std() / seen.std())
+    return gain, float(wanted.mean()) - gain * float(seen.mean())
+
+
+def _usual_ratio(wanted: Floats, seen: Floats) -> tuple[float, float]:
+    """Return the gain and offset of most marks: right under glare, but not where a card has turned."""
+    own, usual = float(median(seen)), float(median(wanted))
+    is_mark = np.abs(wanted - usual) > wanted.std()
+    ratio = float(np.median((seen[is_mark] - own) / (wanted[is_mark] - usual))) if is_mark.any() else 1.0
+    gain = 1.0 / ratio if ratio > 0.0 else 1.0
+    return gain, usual - gain * own
+
+
+def _fit(wanted: Floats, seen: Floats, gain: float, offset: float) -> tuple[float, float]:
+    """Return the gain and offset of equal mean and contrast of the pixels that a first gain and offset bring near."""
+    for _ in range(LIGHT_PASSES):
+        is_near = _is_near(wanted, seen, gain, offset)
+        near = is_near.astype(np.float32)
+        # separate dot products: for so few rows a matrix product takes three times as long
+        count, sum_x, sum_y = max(int(np.count_nonzero(is_near)), 1), float(seen @ near), float(wanted @ near)
+        own, usual = (
+            float((each * near) @ each) - total**2 / count for each, total in ((seen, sum_x), (wanted, sum_y))
+        )
+        if min(own, usual) < count:
+            break
+        gain = math.sqrt(usual / own)
+        offset = (sum_y - gain * sum_x) / count
+    return gain, offset
+
+
+def _near(wanted: Floats, seen: Floats, gain: float, offset: float) -> int:
+    """Count how many of some of the pixels come near the reference's: where they are or, of a turned card, anywhere."""
+    some = wanted[::LIGHT_STRIDE], seen[::LIGHT_STRIDE]
+    return max(
+        int(np.count_nonzero(_is_near(*pair, gain, offset))) for pair in (some, (np.sort(some[0]), np.sort(some[1])))
+    )
+
+
+def _is_near(wanted: Floats, seen: Floats, gain: float, offset: float) -> Mask:
+    """Whether each pixel differs by no more than a needle's edge from the reference's."""
+    near: Mask = np.abs(seen * np.float32(gain) + np.float32(offset) - wanted) < 5 * NOISE_LEVELS
+    return near
 
 
 def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: Floats) -> Floats:

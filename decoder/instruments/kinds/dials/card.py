@@ -332,6 +332,7 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
     if len(views) < FRAMES_TO_LEARN or arc_deg([rows for _, rows in views], grid) < MIN_TURN_DEG:
         return given
     known, turned_rows = shared(views), np.array([rows for _, rows in views])
+    known = replace(known, weights=np.where(_stands_still(views, known.card, grid), np.float32(0.0), known.weights))
     for _ in range(ROUNDS):
         reader = CardReader(gauge, grid, known)
         found = [reader.lit_turn(seen) for seen, _ in views]
@@ -363,6 +364,22 @@ def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None =
     apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(card, rows)) for seen, rows in views], axis=0)
     weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(apart - NOISE_LEVELS, 0.0) ** 2)
     return CardPicture(card, weights.astype(np.float32))
+
+
+def _stands_still(views: Sequence[tuple[Floats, float]], card: Floats, grid: PolarGrid) -> Mask:
+    """(P, C): what stands still over a card, and was taken for its own since it coincides with itself in most frames.
+
+    It is the same at every place to which the card has turned, and at some place it is not what the card shows there.
+    How often the card was at each tells nothing.
+    """
+    places = np.rint(np.array([rows for _, rows in views]) * grid.step_deg / RIVAL_REACH_DEG)
+    at = [[view for view, place in zip(views, places, strict=True) if place == own] for own in np.unique(places)]
+    seen = np.stack([np.median([strip for strip, _ in own], axis=0) for own in at])
+    shown = np.stack([np.median([turned(card, rows) for _, rows in own], axis=0) for own in at])
+    off = [np.abs(seen - each).max(axis=0) for each in (np.median(seen, axis=0), shown)]
+    still, of_card = (NOISE_LEVELS**2 + each**2 for each in off)
+    stands: Mask = still * CLEARLY_WORSE < of_card
+    return stands
 
 
 def arc_deg(rows: Sequence[float], grid: PolarGrid) -> float:

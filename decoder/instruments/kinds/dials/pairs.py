@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from decoder.instruments.found import EDGE, HIDDEN, READ, Found, Needle
+from decoder.imaging.thresholds import HALF
+from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.matching.pair_fit import PairFitter
 from decoder.matching.strips import Strips
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_PAIR_CORRELATION, SLIVER_THRESHOLD, WHOLE_VISIBLE
@@ -86,7 +87,8 @@ class TouchingPair:
             apart_rows = np.abs(below.row - own)
             lower.put(open_, below)
             is_settled[open_] = found.is_settled
-            together[open_] = found.is_settled & ((below.status == HIDDEN) | (apart_rows <= self._fitter.reach_rows))
+            is_lost = (below.status == HIDDEN) | (below.status == MISSING)
+            together[open_] = found.is_settled & (is_lost | (apart_rows <= self._fitter.reach_rows))
             apart = (below.status == READ) & (apart_rows > self._both_axes)
             touching = open_[found.is_settled & ~together[open_] & ~apart]
             if touching.size:
@@ -96,15 +98,19 @@ class TouchingPair:
                 is_settled[touching] = settled
         where = np.flatnonzero(together)
         if where.size:
-            one, other = self._coinciding(strips.part(where), above.part(where), candidate.part(where))
+            elsewhere = lower.status[where] == MISSING
+            one, other = self._coinciding(strips.part(where), above.part(where), candidate.part(where), elsewhere)
             upper.put(where, one)
             lower.put(where, other)
         return upper, lower, is_settled
 
     def _below(self, found: Uncovered, above: Found) -> Found:
         """Return the lower needle as its visible part was read; hidden if that is too little."""
-        hidden = ~(found.score >= SCORE_THRESHOLD)
-        status = np.where(hidden, HIDDEN, np.where(found.visible >= WHOLE_VISIBLE, READ, EDGE))
+        is_lost = ~(found.score >= SCORE_THRESHOLD)
+        shows = (found.score >= LIKELY_SCORE) & (found.visible >= HALF)
+        hidden = is_lost & ~shows
+        status = np.where(is_lost, MISSING, np.where(found.visible >= WHOLE_VISIBLE, READ, EDGE))
+        status = np.where(hidden, HIDDEN, status)
         concealed = self._hidden(above)
         return Found(
             status,
@@ -133,13 +139,16 @@ class TouchingPair:
             is_settled[moved] = again.is_settled
         return upper, lower, is_settled
 
-    def _coinciding(self, strips: Strips, above: Found, candidate: Candidate) -> tuple[Found, Found]:
-        """Read both together, where there is too little room between them to read one after the other."""
+    def _coinciding(self, strips: Strips, above: Found, candidate: Candidate, elsewhere: Mask) -> tuple[Found, Found]:
+        """Read both together, where there is too little room between them, or nothing better than a likely place.
+
+        A lower needle that is likely to show `elsewhere` (M,) is not hidden.
+        """
         pairs = self._fitter.fit(strips, above.row)
         explained = pairs.correlation >= WHOLE_VISIBLE
         together = Found(above.status, pairs.upper_row, pairs.upper_sigma_rows, pairs.upper_score)
         shows = explained & (pairs.lower_score >= SLIVER_THRESHOLD)
-        hidden = explained & ~shows & (pairs.correlation >= MIN_PAIR_CORRELATION)
+        hidden = explained & ~shows & (pairs.correlation >= MIN_PAIR_CORRELATION) & ~elsewhere
         upper = above.as_missing().instead(explained, together)
         sliver = Found(np.full(len(shows), EDGE), pairs.lower_row, pairs.lower_sigma_rows, pairs.lower_score)
         concealed = self._hidden(together, pairs.lower_doubt_rows)
