@@ -7,6 +7,10 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from decoder.imaging.dial_plane import dial_plane, inches_to_picture
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture, colour_picture, grey_picture, without_colour
@@ -36,6 +40,10 @@ class PanelPictures:
         The pictures as in their files; without them there are no colours.
     mixtures
         The grey in which each gauge is read, in the panel's order; None for luma.
+    blur_px
+        How much less sharp frames are than the pictures: the sigma of a Gaussian.
+    blurred
+        The pictures as sharp as frames; empty where they are as they were taken.
     """
 
     panel: Panel
@@ -45,6 +53,8 @@ class PanelPictures:
     planes: tuple[DialPlane | None, ...] | None = None
     encoded: Mapping[str, bytes] = field(default_factory=dict)
     mixtures: tuple[Mixture | None, ...] = ()
+    blur_px: float = 0.0
+    blurred: Mapping[str, GreyPicture] = field(default_factory=dict)
 
     @property
     def has_colour(self) -> bool:
@@ -54,6 +64,29 @@ class PanelPictures:
     def in_colour(self, name: str) -> ColourPicture:
         """(H, W, 3) uint8, red, green, blue: one of its pictures."""
         return colour_picture(self.encoded[name]) if name in self.encoded else without_colour(self.pictures[name])
+
+    def dials(self, name: str) -> GreyPicture:
+        """(H, W) uint8: one of its pictures, as sharp as frames."""
+        return self.blurred.get(name, self.pictures[name])
+
+    def dials_in_colour(self, name: str) -> ColourPicture:
+        """(H, W, 3) uint8, red, green, blue: one of its pictures, as sharp as frames."""
+        return _blurred(self.in_colour(name), self.blur_px) if self.blurred else self.in_colour(name)
+
+    def as_sharp_as_frames(self, blur_px: float) -> PanelPictures:
+        """Return the same pictures, with dials known as blurred as that: the sigma of a Gaussian."""
+        blurred = {name: _blurred(picture, blur_px) for name, picture in self.pictures.items()}
+        return replace(self, blur_px=blur_px, blurred=blurred)
+
+    @property
+    def shortcoming(self) -> str | None:
+        """What is wrong with the panel picture for this flight, in a sentence."""
+        if not self.blurred:
+            return None
+        return (
+            f"the panel picture is sharper than the flight, which is blurred by {self.blur_px:.1f} px more: dials were"
+            " blurred as much to read them; better draw the panel on a frame of the flight"
+        )
 
     @property
     def picture(self) -> GreyPicture:
@@ -126,6 +159,10 @@ class PanelPictures:
             )
         height_inches = self.panel.gauges[index].needle_height_inches
         return Raised(height_inches, tuple((inches / inches[2, 2]).ravel().tolist()))
+
+
+def _blurred(picture: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uint8]:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.uint8)
 
 
 def panel_from_file(path: Path) -> PanelPictures:

@@ -269,7 +269,7 @@ def _template_picture(
     """Cut out the needle's picture, (H, C) float32, H odd, with its axis in the middle row."""
     template = needle.template
     rows = odd_rows(template.span_deg, grid.step_deg)
-    picture = source.picture if template.picture is None else source.pictures[template.picture]
+    picture = source.dials(template.picture or source.panel.picture)
     if template.at is None:
         pixels = cv2.resize(picture, (grid.columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
     else:
@@ -281,7 +281,7 @@ def _template_picture(
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
         source.check_shows(window.rim(), path)
-        in_colour = partial(source.in_colour, template.picture or source.panel.picture)
+        in_colour = partial(source.dials_in_colour, template.picture or source.panel.picture)
         pixels = Unwrapper([window]).unwrap(picture, source.optics.own, in_colour)[0]
     if float(pixels.std()) < NOISE_LEVELS:
         raise PanelError(

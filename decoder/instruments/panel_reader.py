@@ -224,7 +224,7 @@ class PanelReader:
     @property
     def warnings(self) -> tuple[str, ...]:
         """The shortcomings of the panel, a sentence each."""
-        return (*self.aligner.shortcomings, *filter(None, [self.source.optics.shortcoming]))
+        return (*self.aligner.shortcomings, *filter(None, [self.source.optics.shortcoming, self.source.shortcoming]))
 
     def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
         """Align and unwrap a frame; `focal_length_mm` is its own, if known.

@@ -42,6 +42,7 @@ from decoder.learning.flight_appearance import (
     missing_part,
 )
 from decoder.learning.flight_colours import in_best_colours
+from decoder.learning.flight_focus import as_sharp_as_frames
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
@@ -257,6 +258,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     """Learn a first time: in the colours that show best what moves, lost dials squared up or centred on their marks."""
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
+    placed = as_sharp_as_frames(placed, samples)
     begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))

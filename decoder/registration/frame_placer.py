@@ -87,9 +87,14 @@ class UnwrappedPanel:
 
     @cached_property
     def gauges(self) -> list[UnwrappedGauge]:
-        """As the panel picture shows them."""
-        in_colour = partial(self.source.in_colour, self.source.panel.picture)
-        return self.unwrapper.unwrap(self.source.picture, self.source.optics.own, in_colour)
+        """As the panel picture shows them; dials as sharp as frames show them, if that is known."""
+        source, name = self.source, self.source.panel.picture
+        shown = self.unwrapper.unwrap(source.picture, source.optics.own, partial(source.in_colour, name))
+        if not source.blurred:
+            return shown
+        dials = self.unwrapper.unwrap(source.dials(name), source.optics.own, partial(source.dials_in_colour, name))
+        parts = zip(self.grids, dials, shown, strict=True)
+        return [window if isinstance(grid, WindowGrid) else dial for grid, dial, window in parts]
 
 
 @dataclass(frozen=True, slots=True)

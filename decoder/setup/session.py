@@ -268,7 +268,7 @@ class SetupSession:
             source.planes,
             source.encoded,
             source.mixtures,
-            memory,
+            memory=memory,
         )
 
     def frames(self) -> list[tuple[int, FramePicture]]:

@@ -75,7 +75,7 @@ def decode_flight(
     built = replace(
         builder.build(fitted.sigma_deg),
         moved_pivots_px=fitted.moved_px,
-        warnings=reader.warnings,
+        warnings=fitted.reader.warnings,
         part=part,
         time_of_day=flight.session.time_of_day,
         columns=fitted.panel.columns,

@@ -309,13 +309,14 @@ def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:
         "horizon_turn": turns[0],
         "shift_turn": 0.5,
     }
-    rolls = [0, 8, 25, 36, 42, 30, 5, -10, -28, -40, -44, -33, -12, 3, 15, -5]
-    pitches = [0, 5, 11, 8, 6, -6, -12, -12, -8, -2, 7, 10, 12, 12, -12, 1]
-    frames = [draw(*both, 500 + seed, turns=turns) for seed, both in enumerate(zip(rolls, pitches, strict=True))]
+    way = np.linspace(0.0, 2.0 * math.pi, 16)
+    rolls, pitches = 45.0 * np.sin(1.3 * way + 3.1), 13.0 * np.sin(2.1 * way + 5.7)
+    attitudes = zip(rolls.tolist(), pitches.tolist(), strict=True)
+    frames = [draw(*both, 500 + seed, turns=turns) for seed, both in enumerate(attitudes)]
     reader = reader_for([described_wrongly], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, turns=turns), frames)
 
-    assert reader.appearance.pictures["roll_deg"].shift_turn == pytest.approx(turns[1], abs=0.08)
+    assert reader.appearance.pictures["roll_deg"].shift_turn == pytest.approx(turns[1], abs=0.01)
     for roll_deg, pitch_deg in ((38.0, 9.0), (-35.0, -9.0), (0.0, 6.0)):
         read = read_picture(reader, draw(roll_deg, pitch_deg, 600, turns=turns))
         assert read.readings["pitch_deg"].status is Status.READ
-        assert values(reader, read)["pitch_deg"] == pytest.approx(pitch_deg, abs=0.3)
+        assert values(reader, read)["pitch_deg"] == pytest.approx(pitch_deg, abs=0.1)

@@ -64,8 +64,8 @@ UP_HALF, RIGHT_HALF = np.array([0.0, 0.5], np.float32), np.array([0.5, 0.0], np.
 # Errors are correlated within patches of the window: this many around, and across.
 PATCHES = 12, 3
 ROUNDS = 5
-# Steps of the search for the law by which an unusual horizon shifts, as fractions of its turn; and the most steps.
-LAW_STEPS = 6
+# Steps of the search for the law by which an unusual horizon shifts, in such parts of its turn.
+LAW_STEPS, LAW_PARTS = (4, 2, 1), 24
 # How precisely a pitch mark is drawn: on a tilted line, and anywhere within it, lines being a thirtieth of the radius
 # thick.
 MARK_PX, MARK_PART = 0.5, 0.01
@@ -522,36 +522,42 @@ def learn_attitude(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
     """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice."""
-    law = given.shift_turn if ring is None or not own.is_odd else _shift_turn(own, strips[::2], given, ring)
-    known = replace(given, shift_turn=law)
-    learned = _put_together(own.shifting(law), strips, known, ring, ROUNDS)
-    return given if learned is known else learned
+    if ring is not None and own.is_odd:
+        return _learn_with_law(own, strips, given, ring)
+    return _put_together(own, strips, given, ring, ROUNDS)
 
 
-def _shift_turn(own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring) -> float:
-    """Estimate how much the direction of the shift turns with the ring: the value that explains most of frames (R, C).
+def _learn_with_law(
+    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring
+) -> AttitudePicture:
+    """Learn it from frames (R, C), and how much the direction of its shift turns with the ring.
 
-    It is the panel's value where the frames do not tell.
+    That is the law which leaves least of the frames unexplained, near the panel's. A law is tried with the picture that
+    the best one so far has composed, of all frames: composed anew, or of fewer, it hangs on chance which one is best.
     """
 
-    def left(law: float) -> float:
+    def composed(parts: float, start: AttitudePicture, rounds: int) -> tuple[float, AttitudePicture]:
+        law = own.own.shift_turn + parts * own.own.horizon_turn / LAW_PARTS
         moving = own.shifting(law)
-        return _unexplained(
-            moving, strips, _put_together(moving, strips, replace(given, shift_turn=law), ring, 2), ring
-        )
+        picture = _put_together(moving, strips, replace(start, shift_turn=law), ring, rounds)
+        return _unexplained(moving, strips, picture, ring), picture
 
-    step = own.own.horizon_turn / LAW_STEPS
-    laws = [own.own.shift_turn + step * times for times in (-1, 0, 1)]
-    told = [left(law) for law in laws]
-    for _ in range(LAW_STEPS):
-        lowest = int(np.argmin(told))
-        if lowest == 1:
-            before, here, after = told
-            return laws[1] + step * (before - after) / (2 * (before - 2 * here + after))
-        laws = [law + step * (lowest - 1) for law in laws]
-        beyond = left(laws[lowest])
-        told = [beyond, *told[:2]] if lowest == 0 else [*told[1:], beyond]
-    return own.own.shift_turn
+    tried, best = {0: composed(0, given, ROUNDS)}, 0
+    for step in LAW_STEPS:
+        for _ in range(LAW_PARTS):
+            for parts in (best - step, best + step):
+                if parts not in tried:
+                    tried[parts] = composed(parts, tried[best][1], 1)
+            before, best = best, min(tried, key=lambda parts: tried[parts][0])
+            if best == before:
+                break
+        else:
+            return tried[0][1]  # the frames do not tell
+    below, here, above = (tried[best + parts][0] for parts in (-1, 0, 1))
+    bend = below - 2 * here + above
+    lowest = best + (below - above) / (2 * bend) if bend > 0 else best
+    learned = composed(lowest, tried[best][1], 2)[1]
+    return given if learned.horizon is given.horizon else learned
 
 
 def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: AttitudePicture, ring: Ring) -> float:

@@ -87,7 +87,7 @@ class TouchingPair:
             apart_rows = np.abs(below.row - own)
             lower.put(open_, below)
             is_settled[open_] = found.is_settled
-            is_lost = (below.status == HIDDEN) | (below.status == MISSING)
+            is_lost = np.isin(below.status, (HIDDEN, MISSING))
             together[open_] = found.is_settled & (is_lost | (apart_rows <= self._fitter.reach_rows))
             apart = (below.status == READ) & (apart_rows > self._both_axes)
             touching = open_[found.is_settled & ~together[open_] & ~apart]
@@ -98,7 +98,7 @@ class TouchingPair:
                 is_settled[touching] = settled
         where = np.flatnonzero(together)
         if where.size:
-            elsewhere = lower.status[where] == MISSING
+            elsewhere = np.isin(lower.status[where], (MISSING,))
             one, other = self._coinciding(strips.part(where), above.part(where), candidate.part(where), elsewhere)
             upper.put(where, one)
             lower.put(where, other)
