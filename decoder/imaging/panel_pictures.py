@@ -41,9 +41,9 @@ class PanelPictures:
     mixtures
         The grey in which each gauge is read, in the panel's order; None for luma.
     blur_px
-        How much less sharp frames are than the pictures: the sigma of a Gaussian.
+        How much less sharp frames are than the panel picture: the sigma of a Gaussian; 0 if they are not.
     blurred
-        The pictures as sharp as frames; empty where they are as they were taken.
+        The panel picture as sharp as frames; None where it is not sharper.
     """
 
     panel: Panel
@@ -54,7 +54,7 @@ class PanelPictures:
     encoded: Mapping[str, bytes] = field(default_factory=dict)
     mixtures: tuple[Mixture | None, ...] = ()
     blur_px: float = 0.0
-    blurred: Mapping[str, GreyPicture] = field(default_factory=dict)
+    blurred: GreyPicture | None = None
 
     @property
     def has_colour(self) -> bool:
@@ -65,23 +65,24 @@ class PanelPictures:
         """(H, W, 3) uint8, red, green, blue: one of its pictures."""
         return colour_picture(self.encoded[name]) if name in self.encoded else without_colour(self.pictures[name])
 
-    def dials(self, name: str) -> GreyPicture:
-        """(H, W) uint8: one of its pictures, as sharp as frames."""
-        return self.blurred.get(name, self.pictures[name])
+    @property
+    def dials(self) -> GreyPicture:
+        """(H, W) uint8: the panel picture, as sharp as frames."""
+        return self.picture if self.blurred is None else self.blurred
 
-    def dials_in_colour(self, name: str) -> ColourPicture:
-        """(H, W, 3) uint8, red, green, blue: one of its pictures, as sharp as frames."""
-        return _blurred(self.in_colour(name), self.blur_px) if self.blurred else self.in_colour(name)
+    def dials_in_colour(self) -> ColourPicture:
+        """(H, W, 3) uint8, red, green, blue: the panel picture, as sharp as frames."""
+        colours = self.in_colour(self.panel.picture)
+        return colours if self.blurred is None else _blurred(colours, self.blur_px)
 
     def as_sharp_as_frames(self, blur_px: float) -> PanelPictures:
         """Return the same pictures, with dials known as blurred as that: the sigma of a Gaussian."""
-        blurred = {name: _blurred(picture, blur_px) for name, picture in self.pictures.items()}
-        return replace(self, blur_px=blur_px, blurred=blurred)
+        return replace(self, blur_px=blur_px, blurred=_blurred(self.picture, blur_px))
 
     @property
     def shortcoming(self) -> str | None:
         """What is wrong with the panel picture for this flight, in a sentence."""
-        if not self.blurred:
+        if self.blurred is None:
             return None
         return (
             f"the panel picture is sharper than the flight, which is blurred by {self.blur_px:.1f} px more: dials were"

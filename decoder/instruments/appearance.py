@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -266,10 +266,15 @@ def _row_in_panel_picture(
 def _template_picture(
     source: PanelPictures, gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid, path: str
 ) -> Floats:
-    """Cut out the needle's picture, (H, C) float32, H odd, with its axis in the middle row."""
+    """Cut out the needle's picture, (H, C) float32, H odd, with its axis in the middle row.
+
+    One that is as good as gone where the panel picture was blurred is cut as it was taken.
+    """
     template = needle.template
     rows = odd_rows(template.span_deg, grid.step_deg)
-    picture = source.dials(template.picture or source.panel.picture)
+    name = template.picture or source.panel.picture
+    is_panels = name == source.panel.picture
+    picture = source.dials if is_panels else source.pictures[name]
     if template.at is None:
         pixels = cv2.resize(picture, (grid.columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
     else:
@@ -281,9 +286,11 @@ def _template_picture(
             raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
         source.check_shows(window.rim(), path)
-        in_colour = partial(source.dials_in_colour, template.picture or source.panel.picture)
+        in_colour = source.dials_in_colour if is_panels else partial(source.in_colour, name)
         pixels = Unwrapper([window]).unwrap(picture, source.optics.own, in_colour)[0]
     if float(pixels.std()) < NOISE_LEVELS:
+        if is_panels and source.blurred is not None:
+            return _template_picture(replace(source, blurred=None), gauge, needle, grid, path)
         raise PanelError(
             path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"
         )

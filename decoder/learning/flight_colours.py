@@ -57,7 +57,7 @@ def _panels_colours(reader: PanelReader, indices: Sequence[int]) -> list[Floats]
     """Sample some gauges in colour, as the panel picture shows them."""
     source = reader.source
     unwrapper = Unwrapper([reader.grids[index] for index in indices])
-    return unwrapper.colours(source.in_colour(source.panel.picture), source.optics.own)
+    return unwrapper.colours(source.dials_in_colour(), source.optics.own)
 
 
 def _seen(reader: PanelReader, indices: Sequence[int], frames: Iterable[Frame]) -> list[list[Floats]]:

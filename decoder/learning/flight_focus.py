@@ -3,7 +3,8 @@
 A needle cut from a sharper picture matches a blurred one badly, and a thin one not at all. The panel picture is taken
 on the ground, with another camera perhaps; the flight through a lens out of focus, a dusty glass, or with fewer pixels.
 What is lost is seen from how much of each spatial frequency of a dial reaches the frames: over a few frequencies, a
-Gaussian blur whatever the lens. Noise, light and things that moved change all frequencies alike.
+Gaussian blur whatever the lens. Noise, light and needles that moved change all frequencies alike. Cards and horizons do
+not, and are left out; what a dial lies beside its place shifts the waves of each sector, which is left out.
 """
 
 from __future__ import annotations
@@ -26,12 +27,17 @@ SLOWEST_WAVES = 2
 """Waves over a dial's radius; slower ones are light."""
 
 
+SECTOR_DEG = 60.0
+"""A part of a dial in which it lies beside its place in about the same direction."""
+
+
 def as_sharp_as_frames(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
     """Blur the panel's dials as far as the samples are blurred; return the same reader if they are as sharp."""
+    gauges = reader.source.panel.gauges
     found = [
         blurs_px2(grid, own, [sample.gauges[index] for sample in samples if sample.whole[index]])
         for index, (grid, own) in enumerate(zip(reader.grids, reader.own_gauges, strict=True))
-        if isinstance(grid, PolarGrid)
+        if isinstance(grid, PolarGrid) and gauges[index].kind.has_still_face
     ]
     told = [own for own in found if len(own) >= MIN_VIEWS]
     if not told:
@@ -60,9 +66,11 @@ def blurs_px2(grid: PolarGrid, own: UnwrappedGauge, seen: Sequence[UnwrappedGaug
     per_px = np.fft.rfftfreq(grid.columns - grid.tail_columns, grid.column_px)
     is_seen = power > 2.0 * NOISE_LEVELS**2 * len(own) * (_window(grid) ** 2).sum()
     is_seen[:SLOWEST_WAVES] = False
+    count = 1 + int(grid.rows * grid.step_deg / SECTOR_DEG)
     found = []
     for strip in seen:
-        transfer = np.abs((known.conj() * _waves(grid, strip)).sum(axis=0)) / np.maximum(power, 1.0)
+        sectors = np.array_split(known.conj() * _waves(grid, strip), count)
+        transfer = sum(np.abs(sector.sum(axis=0)) for sector in sectors) / np.maximum(power, 1.0)
         usable = is_seen & (transfer > FADED_PART)
         if usable.sum() > 2:  # noqa: PLR2004 - a line through two points fits any
             weights = np.sqrt(power[usable]) * transfer[usable]

@@ -338,10 +338,14 @@ def _mistaken(
 
 
 def _times_elsewhere(gauge: Gauge, needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> int:
-    """Count the frames in which a needle is surely found beyond where it was cut, with no other needle there."""
+    """Count the frames in which a needle is surely found beyond where it was cut, with no other needle there.
+
+    Half of its own width is enough: it is not read where print at that place matches about as well.
+    """
 
     def is_there(pointer: Pointer, readings: Mapping[str, Reading]) -> bool:
-        reach_deg = ((needle.hides_deg or 0.0) + (pointer.hides_deg or 0.0)) / 2
+        others_deg = 0.0 if pointer.name == needle.name else pointer.hides_deg or 0.0
+        reach_deg = ((needle.hides_deg or 0.0) + others_deg) / 2
         off_deg = shortest(np.array(readings[pointer.name].angle_deg - (needle.at_deg or 0.0)), FULL_CIRCLE_DEG)
         return readings[pointer.name].status is Status.MISSING or abs(float(off_deg)) <= reach_deg
 

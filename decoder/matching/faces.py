@@ -24,12 +24,12 @@ LitViews = Sequence[Sequence[Floats | None]]
 
 
 def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
-    """Bring unwrapped gauges into the light of a reference picture; None for those too dark to learn from.
+    """Bring unwrapped gauges into the light of a reference; None for those too dim, or too bright, to learn from.
 
     Gain is the ratio of contrasts, and the offset follows from the means, over every third pixel and without pixels
     where needles or glare make a gauge differ from the reference. A regression would take what is not alike for noise,
     and a card that has turned, or a dial out of focus, for one in brighter light. The brighter half of the gauges is
-    always used, unless it is black.
+    never too dim, unless it is black.
     """
     wanted = _thinned(reference)
     strips = list(strips)
@@ -50,7 +50,7 @@ def _thinned(strip: Floats) -> Floats:
 
 
 def _lit(wanted: Floats, seen: Floats, strip: Floats) -> Floats | None:
-    """Bring one gauge into the light of a reference, given the thinned pixels of both, neither of them flat."""
+    """Bring one gauge into the light of a reference, given the thinned pixels of both; its own are not flat."""
     starts = [(1.0, float(median(wanted - seen))), _equal_contrast(wanted, seen), _usual_ratio(wanted, seen)]
     gain, offset = _fit(wanted, seen, *max(starts, key=lambda start: _near(wanted, seen, *start)))
     if gain < MIN_LIGHT_GAIN:

@@ -88,11 +88,11 @@ class UnwrappedPanel:
     @cached_property
     def gauges(self) -> list[UnwrappedGauge]:
         """As the panel picture shows them; dials as sharp as frames show them, if that is known."""
-        source, name = self.source, self.source.panel.picture
-        shown = self.unwrapper.unwrap(source.picture, source.optics.own, partial(source.in_colour, name))
-        if not source.blurred:
+        source, own = self.source, self.source.optics.own
+        shown = self.unwrapper.unwrap(source.picture, own, partial(source.in_colour, source.panel.picture))
+        if source.blurred is None:
             return shown
-        dials = self.unwrapper.unwrap(source.dials(name), source.optics.own, partial(source.dials_in_colour, name))
+        dials = self.unwrapper.unwrap(source.dials, own, source.dials_in_colour)
         parts = zip(self.grids, dials, shown, strict=True)
         return [window if isinstance(grid, WindowGrid) else dial for grid, dial, window in parts]
 

@@ -320,3 +320,29 @@ def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:
         read = read_picture(reader, draw(roll_deg, pitch_deg, 600, turns=turns))
         assert read.readings["pitch_deg"].status is Status.READ
         assert values(reader, read)["pitch_deg"] == pytest.approx(pitch_deg, abs=0.1)
+
+
+def test_way_of_an_odd_horizons_shift_stays_as_drawn_without_bank() -> None:
+    """A flight straight ahead does not tell it, whatever explains its noise best."""
+    odd = described(ring=True)
+    odd["attitude"] |= {"horizon_turn": 1.5, "shift_turn": 0.5}
+    frames = [draw(8.0 * math.sin(seed), 5.0 * math.cos(seed), 500 + seed, turns=(1.5, 0.75)) for seed in range(10)]
+    reader = reader_for([odd], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, turns=(1.5, 0.75)), frames)
+
+    assert reader.appearance.pictures["roll_deg"].shift_turn == 0.5
+
+
+def test_a_window_in_which_nothing_is_a_horizon_ends_no_decode() -> None:
+    """Noise over all of the dial, in all frames."""
+    rng = np.random.default_rng(3)
+    frames = []
+    for seed in range(8):
+        frame = draw(10.0 * seed - 35.0, 0.0, seed)
+        x, y = (round(at) for at in CENTRE)
+        reach = round(RIM_PX) + 2
+        box = slice(y - reach, y + reach), slice(x - reach, x + reach)
+        frame[box] = rng.integers(0, 255, (2 * reach, 2 * reach), np.uint8)
+        frames.append(frame)
+    reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), frames)
+
+    assert {reading.status for reading in read_picture(reader, frames[0]).readings.values()} == {Status.MISSING}

@@ -13,7 +13,7 @@ from decoder.instruments.panel_reader import PanelReader, read_picture, unwrappe
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_focus import as_sharp_as_frames, blurs_px2
-from tests.decoder.instruments.dials import Canvas, Hand, apart, paint, reader_for
+from tests.decoder.instruments.dials import Canvas, Hand, apart, finished, paint, reader_for
 
 SHARP_PX = 0.5
 THIN = Hand(tip=66.0, root_half=0.9, tip_half=0.5, level=200.0)
@@ -60,6 +60,44 @@ def test_blur_of_frames_is_measured_whatever_their_noise(reader: PanelReader, bl
 
     assert len(found) == len(frames)
     assert float(np.median(found)) == pytest.approx(blur_px**2, abs=0.1 + 0.2 * blur_px**2)
+
+
+@pytest.mark.parametrize("beside_px", [1.0, 2.0])
+def test_a_dial_beside_its_place_is_not_blurred(reader: PanelReader, beside_px: float) -> None:
+    """It is as sharp there."""
+    (grid,), (own,) = reader.grids, reader.own_gauges
+    assert isinstance(grid, PolarGrid)
+    beside = np.roll(draw(AT_DEG, seed=1), round(beside_px), axis=1)
+    beside[20:60, 194:234] = draw(AT_DEG, seed=1)[20:60, 194:234]  # the anchor stays
+    found = blurs_px2(grid, own, [sample.gauges[0] for sample in unwrapped(reader, [beside] * 3)])
+
+    assert max(found) < 0.2 * beside_px**2
+
+
+def test_a_needle_of_which_a_blur_leaves_nothing_is_known_as_drawn() -> None:
+    """A small dial beside a big one that is out of focus ends no decode."""
+    small = {
+        **DIAL,
+        "name": "small",
+        "centre": [210.0, 150.0],
+        "radius": [4, 14],
+        "needles": [{"name": "small_norm", "template": {"at": AT_DEG, "span": 40}}],
+    }
+
+    def both(at_deg: float, blur_px: float = 0.0, seed: int = 0) -> GreyPicture:
+        dial = Canvas()
+        dial.disc((210.0, 150.0), 16.0, 35.0)
+        dial.hand(Hand(tip=13.0, root_half=0.8, tip_half=0.8, level=70.0, centre=(210.0, 150.0)), at_deg)
+        corner = finished(dial, noise=1.0, blur=math.hypot(SHARP_PX, blur_px), quality=95, seed=seed)[130:175, 185:235]
+        picture = draw(at_deg, blur_px, seed, 1.0)
+        picture[130:175, 185:235] = corner
+        return picture
+
+    frames = [both(at_deg, 2.5, 1 + seed) for seed, at_deg in enumerate(TRUTH_DEG)]
+    fitted = fit_to_flight(reader_for([DIAL, small], both(AT_DEG)), lambda _: frames).reader
+
+    assert fitted.source.blur_px == pytest.approx(2.5, abs=0.5)
+    assert all(read_picture(fitted, frame).readings["hand_norm"].status is Status.READ for frame in frames[2:-2])
 
 
 def test_dials_stay_as_drawn_where_frames_are_as_sharp_or_sharper(reader: PanelReader) -> None:

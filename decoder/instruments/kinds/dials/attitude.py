@@ -35,10 +35,10 @@ from decoder.instruments.appearance import (
     Look,
     Still,
 )
-from decoder.instruments.kinds.dials.card import CardReader, first_card, learn_card
+from decoder.instruments.kinds.dials.card import CardReader, arc_deg, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_TURN_DEG
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.needle_search import peaks_of
 from decoder.matching.pivot_search import SQUEEZE_AXES, card_squeeze
@@ -522,9 +522,15 @@ def learn_attitude(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
     """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice."""
-    if ring is not None and own.is_odd:
+    if ring is not None and own.is_odd and _has_banked(own, strips, ring):
         return _learn_with_law(own, strips, given, ring)
     return _put_together(own, strips, given, ring, ROUNDS)
+
+
+def _has_banked(own: Attitudes, strips: Sequence[UnwrappedGauge], ring: Ring) -> bool:
+    """Whether the ring has turned far enough in frames (R, C) to tell how the horizon shifts in a bank."""
+    rows = [ring.turn(strip[:, own.ring]).rows for strip in strips]
+    return len(rows) >= FRAMES_TO_LEARN and arc_deg(rows, own.ring_grid) >= MIN_TURN_DEG
 
 
 def _learn_with_law(
@@ -569,7 +575,7 @@ def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: Atti
 def _put_together(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None, rounds: int
 ) -> AttitudePicture:
-    """Compose it from frames, with the panel's law of shifting.
+    """Compose it from frames, with one law of shifting.
 
     Few frames match a panel picture in which the symbol covers the horizon: until the last round, those that match
     best will do.
@@ -584,7 +590,10 @@ def _put_together(
             views = sorted(in_sight, key=lambda view: -view[1].score)[:FRAMES_TO_LEARN]
         if len(views) < FRAMES_TO_LEARN or not (known.weights > HALF).any():
             return given
-        horizon = _composed([_moved_back(own, known.weights, *view) for view in views])
+        backs = [_moved_back(own, known.weights, *view) for view in views]
+        if not np.isfinite(backs).any():
+            return given
+        horizon = _composed(backs)
         known = replace(known, horizon=horizon)
         known = replace(known, weights=_HorizonReader(own, known).still(views))
     drawn = AttitudeReader(own, known, ring).horizon_in(given.drawn, 0.0)

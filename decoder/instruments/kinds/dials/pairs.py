@@ -105,7 +105,7 @@ class TouchingPair:
         return upper, lower, is_settled
 
     def _below(self, found: Uncovered, above: Found) -> Found:
-        """Return the lower needle as its visible part was read; hidden if that is too little."""
+        """Return the lower needle as its visible part was read, or else as hidden or missing."""
         is_lost = ~(found.score >= SCORE_THRESHOLD)
         shows = (found.score >= LIKELY_SCORE) & (found.visible >= HALF)
         hidden = is_lost & ~shows
