@@ -32,7 +32,7 @@ from flight_file.signature import signature_path
 from flight_file.summary import recorded_ns
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
-from recorder.marks import marked_names, tidy_marks
+from recorder.marks import MARKS_FOLDER, marked_names, tidy_marks
 from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S
 
 _OURS = re.compile(
@@ -191,6 +191,7 @@ class Retention:
         self._free_bytes = free_bytes
         self._journal = journal
         self._index = _SegmentIndex(span_ns, rules.longest_ns, journal)
+        self._said: set[str] = set()
 
     @property
     def unreadable(self) -> int:
@@ -205,8 +206,7 @@ class Retention:
         disk_is_full
             Delete at least one segment, if allowed, however much the system says is free.
         """
-        for path in tidy_marks(self._directory):
-            self._journal.log.warning("mark_too_large", path=str(path))
+        self._tidy_marks()
         if not disk_is_full and not self._is_short() and self._rules.max_ns is None:
             return False
         try:
@@ -216,6 +216,22 @@ class Retention:
         deleted = self._delete_oldest(segments, disk_is_full=disk_is_full)
         self._index.say_unreadable()
         return deleted
+
+    def _tidy_marks(self) -> None:
+        tidied, where = tidy_marks(self._directory), str(self._directory / MARKS_FOLDER)
+        for path in tidied.emptied:
+            self._journal.log.warning("mark_too_large", path=str(path))
+        if tidied.unusable and self._is_new("marks_unusable"):
+            self._journal.log.error("marks_unusable", path=where, reason=tidied.unusable)
+        if tidied.strange and self._is_new("marks_strange"):
+            named = sorted(tidied.strange)[:NAMED_AT_ONCE]
+            self._journal.log.warning("marks_strange", path=where, count=len(tidied.strange), names=named)
+
+    def _is_new(self, what: str) -> bool:
+        """Whether this has not been said before; it has been afterwards."""
+        is_new = what not in self._said
+        self._said.add(what)
+        return is_new
 
     def _delete_oldest(self, segments: Sequence[str], *, disk_is_full: bool) -> bool:
         span_ns = self._index.span_ns

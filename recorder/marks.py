@@ -5,8 +5,12 @@ still `NAME.mcap.part`. So anyone who may write in that folder can set one while
 it and without the right to change a recording. Each line is one mark: when it was set, and a note.
 
 Only the existence of the name counts. Marks are not opened where they are used, so a link, a pipe or a file as large as
-the disk in this folder keeps a segment and does nothing else; `tidy_marks` empties a file larger than any mark. Marks
-beside the segment, as older recorders set them, count too.
+the disk in this folder keeps a segment and does nothing else; `tidy_marks` empties a mark larger than any mark should
+be. Marks beside the segment, as older recorders set them, count too.
+
+The folder is opened once for each use, without following a link, and everything in it is reached through what was
+opened: a link in its place leads nowhere, and what is no mark is left as it is, also in a folder that was somebody's
+before the recorder came.
 
 `recorder mark` sets one.
 """
@@ -14,16 +18,17 @@ beside the segment, as older recorders set them, count too.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import click
 
 from flight_file.errors import FlightFileError
-from flight_file.files import in_work, sync_directory
-from flight_file.session import PART_SUFFIX, parse_segment_name
+from flight_file.files import in_work
+from flight_file.session import PART_SUFFIX, claimed_place, parse_segment_name
 from flight_file.untrusted import regular_names, say
 from recorder.cli import failures_as_sentences
 from recorder.errors import NothingToMarkError, NotMarkedError
@@ -37,45 +42,91 @@ _FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may remove a
 _MODE = 0o660  # the recorder and the whole operators' group may read a mark and add to it
 
 
-def mark_path(segment: Path) -> Path:
-    """Return the path of a segment's mark, finished or in work."""
-    return segment.parent / MARKS_FOLDER / (segment.name.removesuffix(PART_SUFFIX) + MARK_SUFFIX)
+@dataclass(frozen=True, slots=True)
+class Tidied:
+    """What was found in the folder for marks.
+
+    Attributes
+    ----------
+    emptied
+        Marks that were larger than any mark; they are empty now, and still marks.
+    strange
+        Names of what is no mark; it is left as it is.
+    unusable
+        Why the folder could not be looked through; empty if it could, or there is none.
+    """
+
+    emptied: tuple[Path, ...] = ()
+    strange: tuple[str, ...] = ()
+    unusable: str = ""
 
 
 def is_marked(segment: Path) -> bool:
     """Whether retention must keep this segment, finished or in work."""
-    mark = mark_path(segment)
-    return any(os.path.lexists(path) for path in (mark, segment.parent / mark.name))
+    name = _mark_name(segment)
+    if os.path.lexists(segment.parent / name):
+        return True
+    with suppress(OSError), _opened_folder(segment.parent) as folder:
+        os.stat(name, dir_fd=folder, follow_symlinks=False)
+        return True
+    return False
 
 
 def marked_names(directory: Path) -> set[str]:
     """Return the names of the marked segments in a directory."""
-    names = set()
-    for folder in (directory, directory / MARKS_FOLDER):
-        with suppress(OSError), os.scandir(folder) as entries:
-            names |= {entry.name.removesuffix(MARK_SUFFIX) for entry in entries if entry.name.endswith(MARK_SUFFIX)}
-    return names
+    names: list[str] = []
+    with suppress(OSError), os.scandir(directory) as entries:
+        names += (entry.name for entry in entries)
+    with suppress(OSError), _opened_folder(directory) as folder, os.scandir(folder) as entries:
+        names += (entry.name for entry in entries)
+    return {name.removesuffix(MARK_SUFFIX) for name in names if name.endswith(MARK_SUFFIX)}
 
 
 def make_marks_folder(directory: Path) -> None:
     """Make the folder for marks where it is missing; raises OSError."""
-    folder = directory / MARKS_FOLDER
     with suppress(FileExistsError):
-        folder.mkdir()
-        folder.chmod(_FOLDER_MODE)  # mkdir would let the umask take the group's right away
+        (directory / MARKS_FOLDER).mkdir()
+        with _opened_folder(directory) as folder:
+            os.fchmod(folder, _FOLDER_MODE)  # mkdir would let the umask take the group's right away
 
 
-def tidy_marks(directory: Path) -> list[Path]:
-    """Empty the files among the marks that are larger than any mark; return their paths."""
-    tidied = []
-    with suppress(OSError), os.scandir(directory / MARKS_FOLDER) as entries:
-        for entry in entries:
-            if entry.is_file(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_size > MARK_BYTES:
-                path = Path(entry.path)
-                path.unlink()
-                path.touch(mode=_MODE, exist_ok=False)
-                tidied.append(path)
-    return tidied
+def tidy_marks(directory: Path) -> Tidied:
+    """Empty the marks that are larger than any mark, and look for what is none."""
+    emptied: list[Path] = []
+    strange: list[str] = []
+    try:
+        with _opened_folder(directory) as folder, os.scandir(folder) as entries:
+            for entry in entries:
+                if not _is_mark(entry.name):
+                    strange.append(entry.name)
+                elif entry.is_file(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_size > MARK_BYTES:
+                    os.unlink(entry.name, dir_fd=folder)
+                    os.close(_new_mark(entry.name, folder))
+                    emptied.append(directory / MARKS_FOLDER / entry.name)
+    except FileNotFoundError:  # there is no folder, or somebody was faster
+        pass
+    except OSError as error:
+        return Tidied(tuple(emptied), tuple(strange), error.strerror or str(error))
+    return Tidied(tuple(emptied), tuple(strange))
+
+
+def _mark_name(segment: Path) -> str:
+    return segment.name.removesuffix(PART_SUFFIX) + MARK_SUFFIX
+
+
+def _is_mark(name: str) -> bool:
+    return name.endswith(MARK_SUFFIX) and claimed_place(Path(name.removesuffix(MARK_SUFFIX))) is not None
+
+
+@contextmanager
+def _opened_folder(directory: Path) -> Iterator[int]:
+    """Open the folder for marks itself, never what a link in its place leads to; raises OSError."""
+    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+    folder = os.open(directory / MARKS_FOLDER, flags)
+    try:
+        yield folder
+    finally:
+        os.close(folder)
 
 
 def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
@@ -104,9 +155,10 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
         when = _EPOCH + timedelta(microseconds=realtime_ns // 1000)
         make_marks_folder(directory)
         line = f"{when:%Y-%m-%dT%H:%M:%SZ} {' '.join(note.split())}".rstrip() + "\n"
-        for segment in found:
-            _append(mark_path(segment), line.encode())
-        sync_directory(directory / MARKS_FOLDER)
+        with _opened_folder(directory) as folder:
+            for segment in found:
+                _append(_mark_name(segment), line.encode(), folder)
+            os.fsync(folder)
     except OSError as error:
         reason = f"cannot be marked in ({error.strerror}); you must be in the recorder's group to mark"
         raise NotMarkedError(f"{directory}: {reason}.") from error
@@ -145,20 +197,27 @@ def _age(path: Path) -> tuple[int, str]:
     return path.stat().st_mtime_ns, path.name
 
 
-def _append(path: Path, content: bytes) -> None:
-    # Others with access to the folder may have put a link or a pipe there: it is neither followed nor waited for. An
-    # existing file is opened without O_CREAT: in a sticky folder the kernel refuses that for a file of another user.
-    flags = os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+# Others with access to the folder may have put a link or a pipe there: it is neither followed nor waited for.
+_APPENDING = os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+
+
+def _append(name: str, content: bytes, folder: int) -> None:
+    # An existing file is opened without O_CREAT: in a sticky folder the kernel refuses that for a file of another user.
     try:
-        descriptor = os.open(path, flags)
+        descriptor = os.open(name, _APPENDING, dir_fd=folder)
     except FileNotFoundError:
-        descriptor = os.open(path, flags | os.O_CREAT | os.O_EXCL, _MODE)
-        os.fchmod(descriptor, _MODE)
+        descriptor = _new_mark(name, folder)
     try:
         os.write(descriptor, content)
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _new_mark(name: str, folder: int) -> int:
+    descriptor = os.open(name, _APPENDING | os.O_CREAT | os.O_EXCL, _MODE, dir_fd=folder)
+    os.fchmod(descriptor, _MODE)
+    return descriptor
 
 
 @click.command(

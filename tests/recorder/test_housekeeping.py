@@ -128,6 +128,22 @@ def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
     assert not disk.retention.make_room(disk_is_full=True)
 
 
+def test_marks_that_are_no_folder_are_said_once(tmp_path: Path) -> None:
+    """Also what lies among the marks and is none: whoever reads the log can clear it away."""
+    disk = SmallDisk(tmp_path, 1)
+    (tmp_path / "marks").symlink_to(".")
+    for _ in range(2):
+        disk.retention.make_room()
+    (tmp_path / "marks").unlink()
+    (tmp_path / "marks" / "sub").mkdir(parents=True)
+    for _ in range(2):
+        disk.retention.make_room()
+    said = [json.loads(line) for line in disk.log.getvalue().splitlines()]
+
+    assert [line["event"] for line in said] == ["marks_unusable", "marks_strange"]
+    assert (said[0]["reason"], said[1]["names"]) == ("Not a directory", ["sub"])
+
+
 def test_waiting_without_a_camera_does_not_age_a_flight() -> None:
     """Segments without pictures have no length, so the hours that are kept are hours of flight."""
     spans_ns = dict(zip("abcdefghi", [HOUR_NS] * 3 + [0] * 6, strict=True))

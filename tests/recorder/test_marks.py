@@ -12,7 +12,7 @@ from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading
 from flight_file.session import Session
 from recorder.errors import NothingToMarkError, NotMarkedError
-from recorder.marks import is_marked, make_marks_folder, mark_newest, marked_names, tidy_marks
+from recorder.marks import Tidied, is_marked, make_marks_folder, mark_newest, marked_names, tidy_marks
 
 NOON_NS = 1_525_435_200_000_000_000
 
@@ -115,7 +115,39 @@ def test_whatever_lies_among_the_marks_keeps_a_segment_and_does_no_more(tmp_path
         mark(tmp_path, "x")
 
     assert marked_names(tmp_path) == {"R_0000.mcap", "R_0001.mcap", "R_0002.mcap", "Z_0000.mcap"}
-    assert [path.name for path in tidy_marks(tmp_path)] == ["Z_0000.mcap.keep"]
+    assert [path.name for path in tidy_marks(tmp_path).emptied] == ["Z_0000.mcap.keep"]
     assert (tmp_path / "marks" / "Z_0000.mcap.keep").stat().st_size == 0
     assert victim.read_text() == "mine"
-    assert tidy_marks(tmp_path) == []
+    assert tidy_marks(tmp_path) == Tidied()
+
+
+@pytest.mark.parametrize("target", [".", "elsewhere"])
+@pytest.mark.usefixtures("writer")
+def test_link_in_place_of_the_folder_leads_nowhere(tmp_path: Path, target: str) -> None:
+    """To the recordings or to somebody's folder: nothing there is emptied, marked or counted."""
+    (tmp_path / "marks").rmdir()
+    (tmp_path / "marks").symlink_to(target)
+    (tmp_path / "elsewhere").mkdir()
+    large = [tmp_path / "R_0000.mcap", tmp_path / "elsewhere" / "film.tif", tmp_path / "elsewhere" / "R_0001.mcap.keep"]
+    for path in large:
+        path.write_bytes(bytes(100_000))
+    with pytest.raises(NotMarkedError, match=r"\.$"):
+        mark(tmp_path)
+
+    assert tidy_marks(tmp_path) == Tidied(unusable="Not a directory")
+    assert [path.stat().st_size for path in large] == [100_000] * 3
+    assert marked(tmp_path) == []
+    assert marked_names(tmp_path) == set()
+
+
+def test_what_is_no_mark_is_left_as_it_is_and_named(tmp_path: Path) -> None:
+    """A folder of this name may have been somebody's: only a segment's mark is ever emptied."""
+    strange = ["film.tif", "notes.keep", "sub"]
+    (tmp_path / "marks" / "sub").mkdir(parents=True)
+    for name in ("film.tif", "notes.keep", "sub/R_0000.mcap.keep", "R_0000.mcap.keep"):
+        (tmp_path / "marks" / name).write_bytes(bytes(100_000))
+    tidied = tidy_marks(tmp_path)
+
+    assert [path.name for path in tidied.emptied] == ["R_0000.mcap.keep"]
+    assert sorted(tidied.strange) == strange
+    assert [path.stat().st_size for path in sorted(tmp_path.rglob("*")) if path.is_file()] == [0, *[100_000] * 3]
