@@ -100,9 +100,13 @@ class DurableFile:
         self.synced_bytes = self._written_bytes
 
     def rename(self, path: Path) -> None:
-        """Rename it durably while it is in work; refuses to replace another file."""
-        rename_durably(self.path, path)
+        """Rename it durably while it is in work; refuses to replace another file.
+
+        If only making the new name durable fails, it has the new name nevertheless.
+        """
+        _rename(self.path, path)
         self.path = path
+        sync_directory(path.parent)
 
     def close(self) -> None:
         """Close it as it is; a second time does nothing."""
@@ -206,12 +210,16 @@ def refuse_existing(target: Path) -> None:
 
 def rename_durably(source: Path, target: Path) -> None:
     """Rename a file durably; refuses to replace another file."""
+    _rename(source, target)
+    sync_directory(target.parent)
+
+
+def _rename(source: Path, target: Path) -> None:
     refuse_existing(target)
     try:
         source.rename(target)
     except OSError as error:
         raise _not_written(target, error) from error
-    sync_directory(target.parent)
 
 
 def replace_durably(path: Path, content: bytes) -> None:

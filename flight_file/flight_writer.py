@@ -166,4 +166,8 @@ class FlightWriter:
         )
 
     def _close(self, reason: str, at: ClockReading) -> None:
-        self.finished.append(self._segment.finish(reason, dropped=self._dropped, at=at))
+        try:
+            self._segment.finish(reason, dropped=self._dropped, at=at)
+        finally:
+            if self._segment.has_final_name:
+                self.finished.append(self._segment.path)

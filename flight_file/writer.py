@@ -29,7 +29,7 @@ from typing import IO, cast
 
 from mcap.writer import CompressionType, Writer
 
-from flight_file.files import DurableFile, refuse_existing, rename_durably
+from flight_file.files import DurableFile, refuse_existing
 from flight_file.frame import CameraStatus, ClockReading, Frame, Health, LogClock, LogLine, storable
 from flight_file.messages import (
     FIX_TOPIC,
@@ -152,7 +152,7 @@ class Remains:
     Attributes
     ----------
     path
-        The file in work; None if nothing but its head was on the disk, then it was removed.
+        The file in work; None if nothing but its head was on the disk, then it was removed, or if it was finished.
     synced_bytes
         How much of it is on the disk for certain; the bytes after it may be anything.
     segment
@@ -336,7 +336,7 @@ class SegmentWriter:
             refuse_existing(self.path)
             write_signature(self.path, self._file.sha256, self._signer)
         self._file.refuse_gone()
-        rename_durably(self._file.path, self.path)
+        self._file.rename(self.path)
         self._file.close()  # only now: closing releases the lock that keeps others from recovering the file in work
         return self.path
 
@@ -346,6 +346,10 @@ class SegmentWriter:
 
     def remains(self) -> Remains:
         """Close the file as it is, for a writer that rewrites what is not on the disk for certain."""
+        if self.has_final_name:
+            # Its name becomes durable with that of the next segment, which is in the same directory.
+            self._file.close()
+            return Remains(None, 0, self.session.segment + 1, self.chain)
         if not self._synced:
             self._file.discard()
             return Remains(None, 0, self.session.segment, self._given_chain)
@@ -354,6 +358,11 @@ class SegmentWriter:
             self._file.close()
         file, segment = self._file, self.session.segment + 1
         return Remains(file.path, file.synced_bytes, segment, self._synced_chain, self._synced_frames, gone)
+
+    @property
+    def has_final_name(self) -> bool:
+        """Whether it is complete under its final name, even if the disk failed to say that this is durable."""
+        return self._file.path == self.path
 
     @property
     def is_gone(self) -> bool:

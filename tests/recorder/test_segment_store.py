@@ -64,7 +64,9 @@ class Moody:
     operations: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        write, sync, rename = DurableFile.write, DurableFile.sync, files.rename_durably
+        write, sync, rename, sync_directory = (
+            DurableFile.write, DurableFile.sync, DurableFile.rename, files.sync_directory,
+        )  # fmt: skip
 
         def moody_write(file: DurableFile, data: bytes) -> int:
             if self.fails():
@@ -77,14 +79,20 @@ class Moody:
                 raise self.error(file.path)
             sync(file)
 
-        def moody_rename(source: Path, target: Path) -> None:
+        def moody_rename(file: DurableFile, path: Path) -> None:
             if self.fails():
-                raise self.error(target)
-            rename(source, target)
+                raise self.error(path)
+            rename(file, path)
+
+        def moody_sync_directory(directory: Path) -> None:
+            if self.fails():
+                raise self.error(directory)
+            sync_directory(directory)
 
         self.monkeypatch.setattr(DurableFile, "write", moody_write)
         self.monkeypatch.setattr(DurableFile, "sync", moody_sync)
-        self.monkeypatch.setattr("flight_file.writer.rename_durably", moody_rename)
+        self.monkeypatch.setattr(DurableFile, "rename", moody_rename)
+        self.monkeypatch.setattr(files, "sync_directory", moody_sync_directory)
 
     def fails(self) -> bool:
         """Whether it does now."""
@@ -140,6 +148,38 @@ def test_each_frame_is_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert [path.suffix for path in paths] == [".mcap"] * len(paths)
     assert list(open_flight(paths).frames()) == [frame(number, size) for number in range(FRAMES)]
     assert check.verdict is not Verdict.FAULT
+
+
+@pytest.mark.parametrize("fails", ["to make the name durable", "to begin the next segment"])
+def test_segment_that_has_its_final_name_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str
+) -> None:
+    """Whatever fails after the renaming: none of its pictures is stored twice or counted lost, and it is left alone."""
+    left: list[Path] = []
+    store = make_store(tmp_path, left)
+    store.open(at(0))
+    store.put(frame(0, 100), at(0))
+    with monkeypatch.context() as patched:
+
+        def refuse(*_arguments: object, **_options: object) -> None:
+            raise FlightNotWrittenError(tmp_path, reason="cannot be written (Input/output error)")
+
+        if fails == "to make the name durable":
+            patched.setattr(files, "sync_directory", refuse)
+        else:
+            patched.setattr(DurableFile, "__init__", refuse)
+        store.put(frame(6, 100), at(6))
+        assert store.trouble is not None
+    store.try_now(at(7))
+    store.finish("stopped", at(7))
+    paths = sorted(tmp_path.iterdir())
+    (check,) = verify(paths)
+
+    assert [path.name for path in paths] == ["20180504T120000Z_0000.mcap", "20180504T120000Z_0001.mcap"]
+    assert store.paths == paths
+    assert left == []
+    assert [found.sequence for found in open_flight(paths).frames()] == [0, 6]
+    assert (store.stored, check.verdict) == (2, Verdict.FITS)
 
 
 def pictures(count: int) -> list[bytes]:
