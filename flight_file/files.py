@@ -11,15 +11,17 @@ import errno
 import fcntl
 import hashlib
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flight_file.errors import FlightNotReadableError, FlightNotWrittenError
-from flight_file.thresholds import BLOCK_BYTES
+from flight_file.thresholds import BLOCK_BYTES, HEAD_BYTES
 from flight_file.untrusted import open_regular
 
 FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
+_NOT_OURS = (errno.ENOENT, errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENOTDIR)  # what opening such a name says
 _ADVICE = {
     errno.EPERM: "check who may write there",
     errno.EACCES: "check who may write there",
@@ -55,6 +57,7 @@ class DurableFile:
         except OSError as error:
             raise _not_written(path, error) from error
         self._digest = hashlib.sha256() if digested else None
+        self._head = b""
         # On a file system without locks the recording is more important. A check whether the file is in work holds
         # the lock only for a moment.
         with suppress(OSError):
@@ -78,6 +81,7 @@ class DurableFile:
             raise _not_written(self.path, error) from error
         finally:
             self._written_bytes += done
+            self._head += view[: min(done, HEAD_BYTES - len(self._head))].tobytes()
             if self._digest is not None:
                 self._digest.update(view[:done])
         return done
@@ -115,6 +119,43 @@ class DurableFile:
             with suppress(OSError):  # all that matters was synced, and a failed close frees the descriptor too
                 os.close(descriptor)
 
+    def cut(self) -> bool:
+        """Truncate it durably to its synced bytes once it is closed; return False if its name leads to no such file.
+
+        The disk may have been taken away and brought back since, so the file is found by its name. That may lead to
+        anything by now: no link is followed, no pipe waited for, and only a file that begins as this one is cut. Not
+        its inode tells that: some file systems number files anew with each mount.
+        """
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY)
+        except OSError as error:
+            if error.errno in _NOT_OURS:
+                return False
+            raise _not_written(self.path, error) from error
+        try:
+            return self._cut(descriptor)
+        except OSError as error:
+            raise _not_written(self.path, error) from error
+        finally:
+            os.close(descriptor)
+
+    def _cut(self, descriptor: int) -> bool:
+        found = os.fstat(descriptor)
+        if not stat.S_ISREG(found.st_mode) or os.pread(descriptor, len(self._head), 0) != self._head:
+            return False
+        if found.st_size > self.synced_bytes:
+            os.ftruncate(descriptor, self.synced_bytes)
+            os.fsync(descriptor)
+        return True
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether another folder is in the place of the one that it was made in, or none, or the disk does not say."""
+        try:
+            return _identity(self.path.parent.stat()) != self._directory
+        except OSError:
+            return True
+
     def discard(self) -> None:
         """Close and remove it, if the disk allows and its name is still ours."""
         gone = self.is_gone
@@ -130,7 +171,7 @@ class DurableFile:
             return False
         try:
             own = os.fstat(self._descriptor)
-            if own.st_nlink and _identity(self.path.parent.stat()) != self._directory:
+            if own.st_nlink and self.has_moved:
                 return False
         except OSError:
             return False
@@ -161,30 +202,6 @@ class DurableFile:
             raise
         finally:
             copy.close()
-
-
-def cut_file(path: Path, size_bytes: int) -> None:
-    """Truncate a file durably to this size; a missing file is no error.
-
-    Raises
-    ------
-    FlightNotWrittenError
-        If the disk fails.
-    """
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise _not_written(path, error) from error
-    try:
-        if os.fstat(descriptor).st_size > size_bytes:
-            os.ftruncate(descriptor, size_bytes)
-            os.fsync(descriptor)
-    except OSError as error:
-        raise _not_written(path, error) from error
-    finally:
-        os.close(descriptor)
 
 
 def sync_directory(directory: Path) -> None:

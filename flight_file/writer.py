@@ -151,26 +151,21 @@ class Remains:
 
     Attributes
     ----------
-    path
-        The file in work; None if nothing but its head was on the disk, then it was removed, or if it was finished.
-    synced_bytes
-        How much of it is on the disk for certain; the bytes after it may be anything.
+    file
+        The file in work, with what is on the disk for certain; closed, unless its name was taken away. None if nothing
+        but its head was on the disk, then it was removed, or if it was finished.
     segment
         Number of the next segment.
     chain
         Value from which the next segment continues.
     frames
         Number of frames on the disk for certain.
-    gone
-        The file, still open, if its name was taken away; close it.
     """
 
-    path: Path | None
-    synced_bytes: int
+    file: DurableFile | None
     segment: int
     chain: str
     frames: int = 0
-    gone: DurableFile | None = None
 
 
 class SegmentWriter:
@@ -349,15 +344,13 @@ class SegmentWriter:
         if self.has_final_name:
             # Its name becomes durable with that of the next segment, which is in the same directory.
             self._file.close()
-            return Remains(None, 0, self.session.segment + 1, self.chain)
+            return Remains(None, self.session.segment + 1, self.chain)
         if not self._synced:
             self._file.discard()
-            return Remains(None, 0, self.session.segment, self._given_chain)
-        gone = self._file if self._file.is_gone else None
-        if gone is None:
+            return Remains(None, self.session.segment, self._given_chain)
+        if not self._file.is_gone:
             self._file.close()
-        file, segment = self._file, self.session.segment + 1
-        return Remains(file.path, file.synced_bytes, segment, self._synced_chain, self._synced_frames, gone)
+        return Remains(self._file, self.session.segment + 1, self._synced_chain, self._synced_frames)
 
     @property
     def has_final_name(self) -> bool:

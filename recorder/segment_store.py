@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from flight_file.errors import FlightNotWrittenError
-from flight_file.files import cut_file
+from flight_file.files import DurableFile
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import NS_PER_S, CameraStatus, ClockReading, Frame, Health, LogClock, LogLine
 from flight_file.session import PART_SUFFIX, SEGMENT_SUFFIX
@@ -160,6 +160,7 @@ class SegmentStore:
         self._pending: deque[tuple[Entry, ClockReading]] = deque()
         self._handed = 0  # how many of these, the first, the writer has
         self._remains: Remains | None = None
+        self._left: list[Path] = []
         self._back_off = BackOff()
         self._started = False
         self.trouble: DiskFailure | None = None
@@ -238,7 +239,8 @@ class SegmentStore:
 
     def unwritten_frames(self) -> int:
         """Count the frames that are not certain to be on the disk."""
-        gone = 0 if self._remains is None or self._remains.gone is None else self._remains.frames
+        remains = self._remains
+        gone = remains.frames if remains is not None and remains.file is not None and remains.file.is_gone else 0
         return gone + sum(isinstance(what, Frame) for what, _ in self._pending)
 
     def abandon(self) -> None:
@@ -255,16 +257,14 @@ class SegmentStore:
             self._watch.begin(self._plan.directory)
             self._plan = with_free_number(self._plan)
         if self._remains is not None:
-            self._remains = self._brought_back(self._remains)
-        if self._remains is not None and self._remains.path is not None:
-            cut_file(self._remains.path, self._remains.synced_bytes)
+            self._settle(self._remains)
+            self._remains = None
         self._writer = FlightWriter(self._plan, status=self._status, at=at, log_clock=self._log_clock)
         if not self._started:
             self._started = True
             self._journal.log.info("recording_started", recording=self.recording, directory=str(self._plan.directory))
-        if self._remains is not None and self._remains.path is not None:
-            self._left_behind(self._remains.path)
-        self._remains = None
+        while self._left:
+            self._left_behind(self._left.pop())
 
     def _hand_over(self, at: ClockReading) -> None:
         self._check_place(at)
@@ -331,23 +331,38 @@ class SegmentStore:
             session = replace(self._plan.session, segment=self._remains.segment, chain=self._remains.chain)
             self._plan = replace(self._plan, session=session)
 
-    def _brought_back(self, remains: Remains) -> Remains:
+    def _settle(self, remains: Remains) -> None:
+        """See to it that the frames on the disk, and no others, are in a file that is left behind, or are counted."""
+        file = remains.file
+        if file is None:
+            return
+        if file.is_gone:
+            self._bring_back(file, remains.frames)
+        elif file.cut():
+            self._left.append(file.path)
+        elif file.has_moved or file.path.with_suffix("").exists():
+            # The disk that it is on, or whoever finished it, still has its frames.
+            self._journal.log.warning("segment_out_of_reach", path=str(file.path), frames=remains.frames)
+        else:
+            self._lose(file.path, remains.frames, "it is not there any more, or something else has its name")
+
+    def _bring_back(self, file: DurableFile, frames: int) -> None:
         """Give a file that was deleted or renamed a name again; count its frames as lost where that fails."""
-        if remains.gone is None or remains.path is None:
-            return remains
-        path, reason = next(path for path in _names_for(remains.path) if not os.path.lexists(path)), ""
+        path = next(path for path in _names_for(file.path) if not os.path.lexists(path))
         try:
-            remains.gone.save_as(path)
+            file.save_as(path)
         except FlightNotWrittenError as failure:
-            reason = str(failure)
-        remains.gone.close()
-        if not reason:
-            self._journal.log.warning("segment_brought_back", path=str(path), frames=remains.frames)
-            return replace(remains, path=path, gone=None)
-        self.stored -= remains.frames
-        self._drops.add(DELETED, remains.frames)
-        self._journal.log.error("segment_lost", path=str(remains.path), frames=remains.frames, reason=reason)
-        return replace(remains, path=None, gone=None)
+            self._lose(file.path, frames, str(failure))
+        else:
+            self._journal.log.warning("segment_brought_back", path=str(path), frames=frames)
+            self._left.append(path)
+        finally:
+            file.close()
+
+    def _lose(self, path: Path, frames: int, reason: str) -> None:
+        self.stored -= frames
+        self._drops.add(DELETED, frames)
+        self._journal.log.error("segment_lost", path=str(path), frames=frames, reason=reason)
 
     def _forget_synced(self, writer: FlightWriter) -> None:
         for _ in range(self._handed - writer.unsynced):

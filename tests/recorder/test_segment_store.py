@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import io
+import os
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -180,6 +181,42 @@ def test_segment_that_has_its_final_name_is_finished(
     assert left == []
     assert [found.sequence for found in open_flight(paths).frames()] == [0, 6]
     assert (store.stored, check.verdict) == (2, Verdict.FITS)
+
+
+@pytest.mark.parametrize("taken_by", ["link", "fifo", "folder", "file", "nothing"])
+def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, taken_by: str
+) -> None:
+    """While nothing can be written the file is closed: its name may lead elsewhere by then, and its frames count."""
+    left: list[Path] = []
+    store, stranger = make_store(tmp_path / "store", left), tmp_path / "stranger"
+    (tmp_path / "store").mkdir()
+    stranger.write_bytes(bytes(100_000))
+    store.open(at(0))
+    store.put(frame(0, 100), at(0))
+    store.tick(at(4))
+    failing = FailingDisk(monkeypatch.setattr)
+    failing.error = errno.EIO
+    store.put(frame(1, 100), at(8))
+    (part,) = (tmp_path / "store").glob("*.part")
+    part.unlink()
+    if taken_by == "link":
+        part.symlink_to(stranger)
+    elif taken_by == "fifo":
+        os.mkfifo(part)
+    elif taken_by == "folder":
+        part.mkdir()
+    elif taken_by == "file":
+        stranger.rename(part)
+        stranger.symlink_to(part)
+    failing.error = 0
+    store.try_now(at(9))
+    store.finish("stopped", at(9))
+
+    assert stranger.read_bytes() == bytes(100_000)
+    assert left == []
+    assert [found.sequence for found in open_flight(store.paths).frames()] == [1]
+    assert store.stored == 1
 
 
 def pictures(count: int) -> list[bytes]:
