@@ -6,8 +6,8 @@ without a picture (a box that waited for its camera) have no age, so that waitin
 
 Never deleted: the newest `keep_hours`, what is marked (see `marks`), what is in work (`.part`), files with names that
 the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
-can be: these count no hours and are named in the log. Frames that a recovery set apart (`.unproven`) are as old as
-their segment.
+can be: these count no hours and are named in the log. What the system does not let go is named, too, and passed over.
+Frames that a recovery set apart (`.unproven`) are as old as their segment.
 
 Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
 background.
@@ -15,11 +15,12 @@ background.
 
 from __future__ import annotations
 
+import errno
 import os
 import queue
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,7 @@ _OURS = re.compile(
 _Age = tuple[str, int, int, str]
 Recover = Callable[[Path], str]
 """Finishes one file in work; says in words what became of it, and raises FlightFileError."""
+_ALL_REFUSED = (errno.EROFS, errno.EIO)  # a disk that refuses one deletion so refuses all
 _NICE = 10  # the camera and the disk go first
 
 
@@ -192,6 +194,7 @@ class Retention:
         self._journal = journal
         self._index = _SegmentIndex(span_ns, rules.longest_ns, journal)
         self._said: set[str] = set()
+        self._refused: set[str] = set()
 
     @property
     def unreadable(self) -> int:
@@ -237,6 +240,7 @@ class Retention:
         span_ns = self._index.span_ns
         too_old = 0 if self._rules.max_ns is None else len(older_than(segments, self._rules.max_ns, span_ns))
         wanted, deleted = disk_is_full, False
+        refused: dict[str, OSError] = {}
         marked = marked_names(self._directory)
         for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
             if name in marked:
@@ -247,25 +251,37 @@ class Retention:
                 break
             if name in self._index.unreadable:
                 continue
-            if not self._delete(self._directory / name):
-                break  # a disk that refuses one deletion refuses all
-            wanted, deleted = False, True
+            try:
+                self._delete(self._directory / name)
+            except OSError as error:
+                refused[name] = error
+                if error.errno in _ALL_REFUSED:
+                    break
+            else:
+                wanted, deleted = False, True
+        self._say_refused(refused)
         return deleted
 
     def _is_short(self) -> bool:
         free = self._free_bytes(self._directory)
         return free is not None and free < self._rules.reserve_bytes
 
-    def _delete(self, path: Path) -> bool:
+    def _delete(self, path: Path) -> None:
         # The segment first: a signature without its file is a missing segment, a file without its signature a suspect.
-        try:
-            path.unlink(missing_ok=True)
-            signature_path(path).unlink(missing_ok=True)
-        except OSError as error:
-            self._journal.log.warning("segment_not_deleted", path=str(path), reason=error.strerror)
-            return False
+        path.unlink(missing_ok=True)
         self._journal.log.info("segment_deleted", path=str(path))
-        return True
+        signature_path(path).unlink(missing_ok=True)
+
+    def _say_refused(self, refused: Mapping[str, OSError]) -> None:
+        """Log what could not be deleted, each name once; it is tried again each time."""
+        new = sorted(refused.keys() - self._refused)
+        self._refused = (self._refused | refused.keys()) & self._index.names
+        if new:
+            reason, where = refused[new[0]].strerror, str(self._directory)
+            named = new[:NAMED_AT_ONCE]
+            self._journal.log.warning(
+                "segments_not_deleted", count=len(new), directory=where, names=named, reason=reason
+            )
 
 
 def recovery_in_words(recovery: Recovery, *, is_signing: bool) -> str:

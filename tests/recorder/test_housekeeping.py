@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import chain, repeat
 from pathlib import Path
+from subprocess import run
 from typing import Any
 
 import pytest
@@ -126,6 +129,50 @@ def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
     disk = SmallDisk(tmp_path / "gone", 0)
 
     assert not disk.retention.make_room(disk_is_full=True)
+
+
+@pytest.fixture
+def undeletable() -> Iterator[Callable[[Path], None]]:
+    """Makes a file undeletable, for root too, until the test ends; skips where the file system has no such files."""
+    done: list[Path] = []
+
+    def make(path: Path) -> None:
+        if run(["chattr", "+i", path], check=False, capture_output=True).returncode:
+            pytest.skip("making a file undeletable needs root and a file system that knows it")
+        done.append(path)
+
+    yield make
+    for path in done:
+        run(["chattr", "-i", path], check=True)
+
+
+def test_segment_that_cannot_be_deleted_is_passed_over(tmp_path: Path, undeletable: Callable[[Path], None]) -> None:
+    """The next ones go instead, the log names it once, and it goes as soon as the system lets it go."""
+    disk = SmallDisk(tmp_path, 4)
+    undeletable(disk.path(0))
+
+    assert [disk.retention.make_room(disk_is_full=True) for _ in range(2)] == [True, True]
+    assert disk.left() == [0, 3]
+    assert not disk.retention.make_room()
+    events = [json.loads(line) for line in disk.log.getvalue().splitlines()]
+    assert [line["names"] for line in events if line["event"] == "segments_not_deleted"] == [[disk.path(0).name]]
+
+
+@pytest.mark.parametrize(("number", "tries"), [(errno.EROFS, 1), (errno.EIO, 1), (errno.EPERM, 4)])
+def test_disk_that_refuses_all_deletions_is_asked_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, tries: int
+) -> None:
+    """A read-only or failing disk; a refusal that may be of one file is no reason to stop."""
+    disk, asked = SmallDisk(tmp_path, 4), list[Path]()
+
+    def refuse(path: Path, *, missing_ok: bool = False) -> None:
+        asked.append(path)
+        raise OSError(number, os.strerror(number), missing_ok)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "unlink", refuse)
+        assert not disk.retention.make_room(disk_is_full=True)
+    assert len(asked) == tries
 
 
 def test_marks_that_are_no_folder_are_said_once(tmp_path: Path) -> None:
