@@ -18,6 +18,7 @@ import os
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from isal.isal_zlib import crc32
@@ -64,8 +65,16 @@ _INDEXED: dict[int, Opcode] = {
 _OUR_TOPICS = frozenset(topic.name for topic in TOPICS)
 
 
-def recorded_ns(path: Path) -> int:
-    """Measure a finished segment from first to last message by log time, ns; 0 if it has no pictures.
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What a finished segment says of itself: its time from first to last message by log time, and its pictures."""
+
+    span_ns: int
+    pictures: int
+
+
+def recorded(path: Path) -> Recorded:
+    """Read a finished segment's statistics.
 
     Raises
     ------
@@ -85,8 +94,7 @@ def recorded_ns(path: Path) -> int:
     if counts_bytes % _COUNT.size or end_ns < start_ns:
         raise DamagedRecordError("the statistics contradict themselves")
     by_channel = dict(_COUNT.iter_unpack(counts))
-    has_pictures = any(by_channel.get(channel, 0) > 0 for channel in _PICTURE_CHANNELS)
-    return end_ns - start_ns if has_pictures else 0
+    return Recorded(end_ns - start_ns, sum(by_channel.get(channel, 0) for channel in _PICTURE_CHANNELS))
 
 
 def _statistics(source: ByteSource) -> Fields:

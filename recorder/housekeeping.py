@@ -1,8 +1,9 @@
 """Looks after the segments in the directory: deletes the oldest to make room, and finishes those left in work.
 
 The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
-names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. Segments
-without a picture (a box that waited for its camera) have no age, so that waiting never costs a flight.
+names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. No picture
+counts for more than `PICTURE_S`: neither a box that waited for its camera nor a small file that claims to be long, and
+the newest, makes a flight look old.
 
 Never deleted: the newest `keep_hours`, what is marked (see `marks`), what is in work (`.part`), files with names that
 the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
@@ -26,15 +27,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flight_file.errors import FlightFileError
+from flight_file.frame import NS_PER_S
 from flight_file.records import DamagedRecordError
 from flight_file.salvage import Outcome, Recovery
 from flight_file.session import PART_SUFFIX, claimed_place
 from flight_file.signature import signature_path
-from flight_file.summary import recorded_ns
+from flight_file.summary import Recorded, recorded
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
 from recorder.marks import MARKS_FOLDER, marked_names, tidy_marks
-from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S
+from recorder.thresholds import NAMED_AT_ONCE, PICTURE_S, READS_AT_ONCE, SALVAGE_AGAIN_S
 
 _OURS = re.compile(
     r"(?P<start>\d{8}T\d{6}Z)(-(?P<copy>\d+))?_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap"
@@ -117,8 +119,8 @@ class _SegmentIndex:
         Those that have a segment's name, but cannot be read as one or are not to be believed.
     """
 
-    def __init__(self, read_span_ns: Callable[[Path], int], longest_ns: int, journal: Journal) -> None:
-        self._read_span_ns = read_span_ns
+    def __init__(self, read: Callable[[Path], Recorded], longest_ns: int, journal: Journal) -> None:
+        self._read = read
         self._longest_ns = longest_ns
         self._journal = journal
         self._directory = Path()
@@ -143,20 +145,20 @@ class _SegmentIndex:
         return [name for _, name in self._segments]
 
     def span_ns(self, name: str) -> int | None:
-        """Return a segment's length, ns: 0 if unreadable, None if there is no time to look now."""
+        """Return the length that a segment counts, ns: 0 if unreadable, None if there is no time to look now."""
         if name in self.unreadable:
             return 0
         if name not in self._spans_ns and self._reads_left:
             self._reads_left -= 1
             try:
-                span_ns = self._read_span_ns(self._directory / name)
+                found = self._read(self._directory / name)
             except (OSError, DamagedRecordError):
-                span_ns = -1
-            if not 0 <= span_ns <= self._longest_ns:
+                found = None
+            if found is None or found.span_ns > self._longest_ns:
                 self.unreadable.add(name)
                 self._unsaid.append(name)
                 return 0
-            self._spans_ns[name] = span_ns
+            self._spans_ns[name] = min(found.span_ns, round(found.pictures * PICTURE_S * NS_PER_S))
         return self._spans_ns.get(name)
 
     def say_unreadable(self) -> None:
@@ -175,8 +177,8 @@ class Retention:
     ----------
     free_bytes
         Free bytes on the file system of a path; None if the system does not say, then no file is deleted to free space.
-    span_ns
-        Returns the length of a finished segment; raises OSError or DamagedRecordError where it cannot be read.
+    read
+        Reads the statistics of a finished segment; raises OSError or DamagedRecordError where it cannot be read.
     """
 
     def __init__(
@@ -186,13 +188,13 @@ class Retention:
         *,
         free_bytes: Callable[[Path], int | None],
         journal: Journal,
-        span_ns: Callable[[Path], int] = recorded_ns,
+        read: Callable[[Path], Recorded] = recorded,
     ) -> None:
         self._directory = directory
         self._rules = rules
         self._free_bytes = free_bytes
         self._journal = journal
-        self._index = _SegmentIndex(span_ns, rules.longest_ns, journal)
+        self._index = _SegmentIndex(read, rules.longest_ns, journal)
         self._said: set[str] = set()
         self._refused: set[str] = set()
 

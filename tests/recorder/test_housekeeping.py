@@ -23,7 +23,7 @@ from flight_file.errors import NothingToRecoverError
 from flight_file.files import claimed
 from flight_file.reader import open_flight
 from flight_file.records import DamagedRecordError
-from flight_file.summary import recorded_ns
+from flight_file.summary import Recorded, recorded
 from recorder import housekeeping
 from recorder import run as run_module
 from recorder.config import parse_config
@@ -36,6 +36,7 @@ from tests.recorder.helpers import StartDaemon
 
 MIB = 2**20
 HOUR_NS = 3600 * 10**9
+HOUR = Recorded(HOUR_NS, 3600)
 
 
 class SmallDisk:
@@ -47,9 +48,7 @@ class SmallDisk:
         for number in range(segments):
             self.path(number).write_bytes(bytes(MIB))
         wanted = Rules(**{"reserve_bytes": 0, "keep_ns": 0, "longest_ns": HOUR_NS, **rules})  # type: ignore[arg-type]
-        self.retention = Retention(
-            directory, wanted, free_bytes=self.free, journal=Journal(self.log), span_ns=self.span_ns
-        )
+        self.retention = Retention(directory, wanted, free_bytes=self.free, journal=Journal(self.log), read=self.read)
 
     def path(self, number: int) -> Path:
         """Of a segment."""
@@ -59,11 +58,11 @@ class SmallDisk:
         """Room left, bytes."""
         return 10 * MIB - sum(path.stat().st_size for path in self.directory.iterdir())
 
-    def span_ns(self, path: Path) -> int:
+    def read(self, path: Path) -> Recorded:
         """One hour, of a file."""
         if not path.is_file():
             raise IsADirectoryError(path)
-        return HOUR_NS
+        return HOUR
 
     def left(self) -> list[int]:
         """Numbers of the segments that are there."""
@@ -199,6 +198,23 @@ def test_waiting_without_a_camera_does_not_age_a_flight() -> None:
     assert older_than(list(spans_ns), 3 * HOUR_NS, spans_ns.__getitem__) == ()
 
 
+def test_small_files_that_claim_to_be_long_age_no_flight(tmp_path: Path) -> None:
+    """Planted under the newest names, an hour each with one picture: the hours that are kept stay those of flight."""
+    disk = SmallDisk(tmp_path, 3)
+    planted = [f"20990101T0{number}0000Z_0000.mcap" for number in range(5)]
+    for name in planted:
+        (tmp_path / name).touch()
+
+    def read(path: Path) -> Recorded:
+        return Recorded(HOUR_NS, 1) if path.name in planted else HOUR
+
+    rules = Rules(reserve_bytes=2**60, keep_ns=2 * HOUR_NS, longest_ns=HOUR_NS)
+    retention = Retention(tmp_path, rules, free_bytes=disk.free, journal=Journal(disk.log), read=read)
+    retention.make_room()
+
+    assert disk.left() == [1, 2]
+
+
 @pytest.fixture(scope="module")
 def segment(tmp_path_factory: pytest.TempPathFactory, forty_pictures: Path) -> bytes:
     """A finished segment of forty pictures, 9.75 s long."""
@@ -215,9 +231,9 @@ def test_length_is_read_from_the_statistics_of_a_whole_segment(segment: bytes, t
 
     if cut:
         with pytest.raises(DamagedRecordError):
-            recorded_ns(tmp_path / "x.mcap")
+            recorded(tmp_path / "x.mcap")
     else:
-        assert recorded_ns(tmp_path / "x.mcap") == 9_750_000_000
+        assert recorded(tmp_path / "x.mcap") == Recorded(9_750_000_000, 40)
 
 
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -232,7 +248,7 @@ def test_damaged_end_is_a_length_or_refused(data: st.DataObject, segment: bytes,
         changed[at : at + len(piece)] = piece
     path.write_bytes(bytes(changed))
     with suppress(DamagedRecordError):
-        assert recorded_ns(path) >= 0
+        assert recorded(path).span_ns >= 0
 
 
 def odd_files(directory: Path, segment: bytes) -> list[str]:
@@ -281,14 +297,14 @@ def test_segments_that_are_very_many_are_looked_at_bit_by_bit(tmp_path: Path) ->
     (tmp_path / "20180504T100000Z_0000.mcap").touch()
     reads, log = list[Path](), io.StringIO()
 
-    def span_ns(path: Path) -> int:
+    def read(path: Path) -> Recorded:
         reads.append(path)
         if path.name in names:
             raise DamagedRecordError("nothing")
-        return HOUR_NS
+        return HOUR
 
     rules = Rules(reserve_bytes=1, keep_ns=0, longest_ns=HOUR_NS)
-    retention = Retention(tmp_path, rules, free_bytes=lambda _path: 0, journal=Journal(log), span_ns=span_ns)
+    retention = Retention(tmp_path, rules, free_bytes=lambda _path: 0, journal=Journal(log), read=read)
     retention.make_room()
     first = len(reads)
     retention.make_room()
