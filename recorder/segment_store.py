@@ -5,8 +5,9 @@
 
 Whatever is not certain to be on the disk is kept (8 MiB or a second of it, see `flight_file.writer`) and written again
 into the new segment; the old one is cut to what is certain, so that each frame is stored once. A file in work that
-somebody deletes, renames or replaces is still open: it gets a name again before the new segment begins. During trouble
-nothing is taken from the queue, which keeps the newest frames.
+somebody deletes, renames or replaces is still open: it gets a name again before the new segment begins. The whole
+directory is made again where somebody deleted it, but not where its disk is missing. During trouble nothing is taken
+from the queue, which keeps the newest frames.
 
 The open file itself does not show that it is out of reach: a lazily unmounted disk accepts every byte, and so does a
 deleted file. `DirectoryWatch` therefore looks at the directory.
@@ -17,8 +18,10 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import stat
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +35,7 @@ from flight_file.writer import Remains
 from recorder.frame_queue import DELETED, Drops
 from recorder.housekeeping import Retention
 from recorder.journal import Journal
+from recorder.marks import make_marks_folder
 from recorder.plan import with_free_number
 from recorder.supervision import BackOff
 from recorder.thresholds import DISK_AGAIN_S, TICK_S
@@ -44,12 +48,15 @@ class DirectoryWatch:
 
     def __init__(self) -> None:
         self._directory: Path | None = None
-        self._place = (0, 0)
+        self._found: os.stat_result | None = None
+        self._parent: os.stat_result | None = None
         self._looked_ns: int | None = None
 
     def begin(self, directory: Path) -> None:
-        """Watch this directory from now on; raises as `check` does."""
-        self._place = _place(directory)
+        """Watch this directory from now on, made again if it was watched and somebody deleted it; raises as `check`."""
+        if self._found is not None and self._parent is not None and not os.path.lexists(directory):
+            _make_again(directory, self._found, self._parent)
+        self._found, self._parent = _found(directory), _found(directory.parent)
         self._directory = directory
 
     def check(self, at: ClockReading, refuse_gone: Callable[[], None]) -> None:
@@ -65,23 +72,39 @@ class DirectoryWatch:
         FlightNotWrittenError
             The directory is gone, or another one is in its place; or what `refuse_gone` raises.
         """
-        if self._directory is None or (
-            self._looked_ns is not None and at.monotonic_ns - self._looked_ns < TICK_S * NS_PER_S
+        if (
+            self._directory is None
+            or self._found is None
+            or (self._looked_ns is not None and at.monotonic_ns - self._looked_ns < TICK_S * NS_PER_S)
         ):
             return
         self._looked_ns = at.monotonic_ns
-        if _place(self._directory) != self._place:
+        if not os.path.samestat(_found(self._directory), self._found):
             raise FlightNotWrittenError(self._directory, reason="is on another disk than before; bring the disk back")
         refuse_gone()
 
 
-def _place(directory: Path) -> tuple[int, int]:
+def _found(directory: Path) -> os.stat_result:
     try:
-        found = directory.stat()
+        return directory.stat()
     except OSError as error:
         reason = f"cannot be found ({error.strerror}); bring the disk back"
         raise FlightNotWrittenError(directory, reason=reason) from error
-    return found.st_dev, found.st_ino
+
+
+def _make_again(directory: Path, found: os.stat_result, parent: os.stat_result) -> None:
+    """Make a deleted directory again as it was; not where its disk is missing: that one is to come back."""
+    if found.st_dev != parent.st_dev or not os.path.samestat(_found(directory.parent), parent):
+        return
+    try:
+        directory.mkdir()
+        with suppress(PermissionError):
+            os.chown(directory, -1, found.st_gid)
+        directory.chmod(stat.S_IMODE(found.st_mode))
+        make_marks_folder(directory)
+    except OSError as error:
+        reason = f"cannot be made again ({error.strerror}); make it"
+        raise FlightNotWrittenError(directory, reason=reason) from error
 
 
 @dataclass(frozen=True, slots=True)

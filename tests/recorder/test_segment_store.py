@@ -7,6 +7,7 @@ import hashlib
 import io
 import os
 import random
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -370,6 +371,42 @@ def start_box(write_config: WriteConfig, pictures: Path) -> Iterator[Callable[..
     yield start
     for box in boxes:
         box.kill()
+
+
+def test_directory_that_is_deleted_is_made_again(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    """As it was, with a folder for marks; what was in the open file is there, and no picture is lost."""
+    given = pictures(6)
+    (tmp_path / "flights").mkdir()
+    (tmp_path / "flights").chmod(0o2750)
+    daemon = start_daemon()
+    daemon.feed(*given[:4])
+    shutil.rmtree(daemon.directory)
+    daemon.clock.advance(2 * 10**9)
+    daemon.camera.show(given[4])
+    eventually(lambda: daemon.events("disk_back") and not len(daemon.queue))
+    daemon.feed(given[5])
+    eventually(lambda: daemon.events("segment_salvaged"))
+    outcome = daemon.finish()
+
+    assert_all_accounted_for(daemon, given, dropped=0)
+    assert outcome.dropped == 0
+    assert daemon.directory.stat().st_mode & 0o7777 == 0o2750
+    assert (daemon.directory / "marks").is_dir()
+
+
+def test_directory_of_a_missing_disk_is_not_made(start_daemon: StartDaemon, disk: Disk) -> None:
+    """What is recorded would be on another disk, where nobody looks for it, and would fill that."""
+    (disk.path / "flights").mkdir()
+    daemon = start_daemon(storage={"directory": str(disk.path / "flights")})
+    daemon.feed(*pictures(2))
+    disk.pull()
+    daemon.clock.advance(2 * 10**9)
+    daemon.flood(*pictures(1))
+    eventually(lambda: daemon.events("disk_failed"))
+    with pytest.raises(FlightNotWrittenError, match="bring the disk back"):
+        daemon.finish()
+
+    assert list(disk.path.iterdir()) == []
 
 
 @pytest.mark.slow
