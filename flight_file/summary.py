@@ -39,6 +39,7 @@ from flight_file.records import (
     parse_channel,
     raw_records,
 )
+from flight_file.scan import scan_file
 from flight_file.segment import Segment
 from flight_file.thresholds import BLOCK_BYTES, MAX_SMALL_BYTES
 from flight_file.untrusted import open_regular
@@ -67,7 +68,7 @@ _OUR_TOPICS = frozenset(topic.name for topic in TOPICS)
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What a finished segment says of itself: its time from first to last message by log time, and its pictures."""
+    """What a segment says of itself: its time from first to last message by log time, and its pictures."""
 
     span_ns: int
     pictures: int
@@ -95,6 +96,26 @@ def recorded(path: Path) -> Recorded:
         raise DamagedRecordError("the statistics contradict themselves")
     by_channel = dict(_COUNT.iter_unpack(counts))
     return Recorded(end_ns - start_ns, sum(by_channel.get(channel, 0) for channel in _PICTURE_CHANNELS))
+
+
+def recorded_so_far(path: Path) -> Recorded:
+    """Measure a file in work by the chunks in it, without reading their contents.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is not a regular file; a link is not one.
+    NotAFlightError
+        It is not MCAP.
+    """
+    descriptor = open_regular(path, through_links=False)
+    try:
+        chunks = scan_file(path, FileSource(descriptor)).chunks
+    finally:
+        os.close(descriptor)
+    starts_ns = [chunk.start_ns for chunk in chunks] or [0]
+    pictures = sum(chunk.messages.get(channel, 0) for chunk in chunks for channel in _PICTURE_CHANNELS)
+    return Recorded(max(starts_ns) - min(starts_ns), pictures)
 
 
 def _statistics(source: ByteSource) -> Fields:

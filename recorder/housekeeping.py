@@ -5,13 +5,14 @@ names: neither depends on a wall clock, which on a small board may be years off 
 counts for more than `PICTURE_S`: neither a box that waited for its camera nor a small file that claims to be long, and
 the newest, makes a flight look old.
 
-Never deleted: the newest `keep_hours`, what is marked (see `marks`), what is in work (`.part`), files with names that
+Never deleted: the newest `keep_hours`, what is marked (see `marks`), what somebody has in work, files with names that
 the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
 can be: these count no hours and are named in the log. What the system does not let go is named, too, and passed over.
 Frames that a recovery set apart (`.unproven`) are as old as their segment.
 
 Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
-background.
+background. Those that there is no room to finish are as old as their names say and go in their turn; otherwise each
+power cut on a full disk would leave one more, until nothing else had room.
 """
 
 from __future__ import annotations
@@ -21,18 +22,19 @@ import os
 import queue
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flight_file.errors import FlightFileError
+from flight_file.errors import FlightFileError, NotAFlightError
+from flight_file.files import claimed
 from flight_file.frame import NS_PER_S
 from flight_file.records import DamagedRecordError
 from flight_file.salvage import Outcome, Recovery
 from flight_file.session import PART_SUFFIX, claimed_place
 from flight_file.signature import signature_path
-from flight_file.summary import Recorded, recorded
+from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
 from recorder.marks import MARKS_FOLDER, marked_names, tidy_marks
@@ -119,8 +121,11 @@ class _SegmentIndex:
         Those that have a segment's name, but cannot be read as one or are not to be believed.
     """
 
-    def __init__(self, read: Callable[[Path], Recorded], longest_ns: int, journal: Journal) -> None:
+    def __init__(
+        self, read: Callable[[Path], Recorded], waiting: Mapping[str, Recorded], longest_ns: int, journal: Journal
+    ) -> None:
         self._read = read
+        self._waiting = waiting
         self._longest_ns = longest_ns
         self._journal = journal
         self._directory = Path()
@@ -142,7 +147,9 @@ class _SegmentIndex:
         kept = (aged for aged in self._segments if aged[1] not in left_out)
         self._segments = sorted([*kept, *_aged(new)])
         self._directory, self.names, self._reads_left = directory, names, READS_AT_ONCE
-        return [name for _, name in self._segments]
+        waiting = {name.removesuffix(PART_SUFFIX): name for name in tuple(self._waiting) if name in names - left_out}
+        in_work = ((age, waiting[name]) for age, name in _aged(waiting))
+        return [name for _, name in sorted([*self._segments, *in_work])]
 
     def span_ns(self, name: str) -> int | None:
         """Return the length that a segment counts, ns: 0 if unreadable, None if there is no time to look now."""
@@ -151,7 +158,8 @@ class _SegmentIndex:
         if name not in self._spans_ns and self._reads_left:
             self._reads_left -= 1
             try:
-                found = self._read(self._directory / name)
+                waiting = self._waiting.get(name)
+                found = self._read(self._directory / name) if waiting is None else waiting
             except (OSError, DamagedRecordError):
                 found = None
             if found is None or found.span_ns > self._longest_ns:
@@ -175,6 +183,8 @@ class Retention:
 
     Parameters
     ----------
+    waiting
+        Names of files left in work that there is no room to finish, and what is in each: see `Salvager`.
     free_bytes
         Free bytes on the file system of a path; None if the system does not say, then no file is deleted to free space.
     read
@@ -188,13 +198,15 @@ class Retention:
         *,
         free_bytes: Callable[[Path], int | None],
         journal: Journal,
+        waiting: MutableMapping[str, Recorded] | None = None,
         read: Callable[[Path], Recorded] = recorded,
     ) -> None:
         self._directory = directory
         self._rules = rules
         self._free_bytes = free_bytes
         self._journal = journal
-        self._index = _SegmentIndex(read, rules.longest_ns, journal)
+        self._waiting = {} if waiting is None else waiting
+        self._index = _SegmentIndex(read, self._waiting, rules.longest_ns, journal)
         self._said: set[str] = set()
         self._refused: set[str] = set()
 
@@ -245,7 +257,7 @@ class Retention:
         refused: dict[str, OSError] = {}
         marked = marked_names(self._directory)
         for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
-            if name in marked:
+            if name.removesuffix(PART_SUFFIX) in marked:
                 continue
             if not (number < too_old or wanted or self._is_short()):
                 break
@@ -254,13 +266,12 @@ class Retention:
             if name in self._index.unreadable:
                 continue
             try:
-                self._delete(self._directory / name)
+                if self._delete(self._directory / name):
+                    wanted, deleted = False, True
             except OSError as error:
                 refused[name] = error
                 if error.errno in _ALL_REFUSED:
                     break
-            else:
-                wanted, deleted = False, True
         self._say_refused(refused)
         return deleted
 
@@ -268,11 +279,23 @@ class Retention:
         free = self._free_bytes(self._directory)
         return free is not None and free < self._rules.reserve_bytes
 
-    def _delete(self, path: Path) -> None:
+    def _delete(self, path: Path) -> bool:
+        if path.name.endswith(PART_SUFFIX):
+            return self._delete_in_work(path)
         # The segment first: a signature without its file is a missing segment, a file without its signature a suspect.
         path.unlink(missing_ok=True)
         self._journal.log.info("segment_deleted", path=str(path))
         signature_path(path).unlink(missing_ok=True)
+        return True
+
+    def _delete_in_work(self, path: Path) -> bool:
+        with suppress(FlightFileError), claimed(path) as ours:
+            if ours:
+                path.unlink()
+                self._waiting.pop(path.name, None)
+                self._journal.log.info("segment_deleted", path=str(path))
+                return True
+        return False
 
     def _say_refused(self, refused: Mapping[str, OSError]) -> None:
         """Log what could not be deleted, each name once; it is tried again each time."""
@@ -317,14 +340,24 @@ class Salvager(threading.Thread):
     ----------
     free_bytes
         Room left where a path lies, bytes; None if unknown.
+    waiting
+        Gets the names of files that there is no room for, and what is in each; retention may take them out.
     """
 
-    def __init__(self, recover: Recover, *, free_bytes: Callable[[Path], int | None], journal: Journal) -> None:
+    def __init__(
+        self,
+        recover: Recover,
+        *,
+        free_bytes: Callable[[Path], int | None],
+        journal: Journal,
+        waiting: MutableMapping[str, Recorded],
+    ) -> None:
         super().__init__(name="salvage", daemon=True)
         self._recover = recover
         self._free_bytes = free_bytes
         self._journal = journal
         self._paths: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        self._waiting = waiting
         self._postponed: list[Path] = []
 
     def submit(self, path: Path) -> None:
@@ -346,15 +379,19 @@ class Salvager(threading.Thread):
     def _try_postponed(self) -> None:
         postponed, self._postponed = self._postponed, []
         for path in postponed:
-            self._salvage(path)
+            if path.exists():  # or else it was deleted to make room
+                self._salvage(path)
 
     def _salvage(self, path: Path) -> None:
         try:
             if not self._has_room(path):
                 self._postponed.append(path)
+                with suppress(NotAFlightError):
+                    self._waiting[path.name] = recorded_so_far(path)
                 self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
                 return
             became = self._recover(path)
+            self._waiting.pop(path.name, None)
         except FlightFileError as error:
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
         except OSError as error:
@@ -367,6 +404,6 @@ class Salvager(threading.Thread):
 
     def _has_room(self, path: Path) -> bool:
         # The copy needs as much room as the file has. As much again is for what is being recorded meanwhile: a file in
-        # work can be read as it is, so no flight may be deleted for it.
+        # work can be read as it is, so no flight may be deleted for it. While it waits it grows old as any other.
         free = self._free_bytes(path.parent)
         return free is None or free >= 2 * path.stat().st_size

@@ -10,7 +10,7 @@ from __future__ import annotations
 import faulthandler
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
@@ -21,6 +21,7 @@ from flight_file.flight_writer import Plan
 from flight_file.frame import NS_PER_S, CameraStatus
 from flight_file.salvage import recover_segment
 from flight_file.signature import Signer
+from flight_file.summary import Recorded
 from flight_file.untrusted import say
 from recorder.capture import CameraReports, Capture, Wiring, wire
 from recorder.cli import failures_as_sentences
@@ -50,6 +51,8 @@ class Assembly:
     drops: Drops
     queue: FrameQueue
     signer: Signer | None
+    waiting: dict[str, Recorded] = field(default_factory=dict)
+    """Files left in work that wait for room, from the salvage's thread to the writer's."""
 
     def store(self, *, attachments: Mapping[str, bytes], name: str | None, salvager: Salvager | None) -> SegmentStore:
         """Make the store that everything goes to.
@@ -95,7 +98,7 @@ class Assembly:
             recovery = recover_segment(path, at=self.host.clock.read(), signer=self.signer)
             return recovery_in_words(recovery, is_signing=self.signer is not None)
 
-        salvager = Salvager(recover, free_bytes=self.host.free_bytes, journal=self.journal)
+        salvager = Salvager(recover, free_bytes=self.host.free_bytes, journal=self.journal, waiting=self.waiting)
         salvager.start()
         return salvager
 
@@ -119,7 +122,9 @@ class Assembly:
             longest_ns=round((storage.segment_s + LONGER_S) * NS_PER_S),
             max_ns=None if storage.max_hours is None else round(storage.max_hours * _NS_PER_HOUR),
         )
-        return Retention(storage.directory, rules, free_bytes=self.host.free_bytes, journal=self.journal)
+        return Retention(
+            storage.directory, rules, free_bytes=self.host.free_bytes, journal=self.journal, waiting=self.waiting
+        )
 
     def _first_status(self) -> CameraStatus:
         identity = self.wiring.camera.identity

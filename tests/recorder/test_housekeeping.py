@@ -358,6 +358,33 @@ def test_segment_that_had_only_been_begun_is_removed(start_daemon: StartDaemon) 
     assert sorted(path.name for path in daemon.directory.glob("*.begun")) == names[1:]
 
 
+def test_file_in_work_that_waits_for_room_goes_in_its_turn(tmp_path: Path, segment: bytes) -> None:
+    """By its age and its hours like a finished one, but not if it is marked, in work, or does not wait."""
+    disk, waiting = SmallDisk(tmp_path, 0), dict[str, Recorded]()
+    names = [f"20180504T12000{number}Z_0000.mcap.part" for number in range(6)]
+    for name in names:
+        (tmp_path / name).write_bytes(segment[:-3000])
+    (tmp_path / "20180504T120001Z_0000.mcap.keep").touch()
+    log = io.StringIO()
+    salvager = Salvager(str, free_bytes=lambda _path: 0, journal=Journal(log), waiting=waiting)
+    salvager.start()
+    for name in names[:3] + names[4:]:
+        salvager.submit(tmp_path / name)
+    eventually(lambda: len(waiting) == 5)
+    assert set(waiting.values()) == {Recorded(9_250_000_000, 40)}  # up to the last chunk
+
+    rules = Rules(reserve_bytes=2**60, keep_ns=15 * 10**9, longest_ns=HOUR_NS)
+    retention = Retention(tmp_path, rules, free_bytes=disk.free, journal=Journal(log), waiting=waiting)
+    with claimed(tmp_path / names[2]):
+        retention.make_room()
+
+    assert sorted(tmp_path.glob("*.part")) == [tmp_path / name for name in names[1:]]
+    assert names[0] not in waiting
+    (tmp_path / names[1].replace("part", "keep")).unlink()
+    assert retention.make_room()
+    assert sorted(tmp_path.glob("*.part")) == [tmp_path / name for name in names[3:]]
+
+
 def test_recording_does_not_wait_for_the_salvage(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first frame is on the disk while an old segment is still being read."""
     leave_in_work(start_daemon)
@@ -398,7 +425,8 @@ def test_what_cannot_be_salvaged_is_said_and_tried_again_when_there_is_room(
             return "recovered"
         raise NothingToRecoverError(path, reason="nothing that was recorded is left in it; delete it")
 
-    salvager = Salvager(recover, free_bytes=lambda _path: next(free), journal=Journal(log))
+    waiting: dict[str, Recorded] = {}
+    salvager = Salvager(recover, free_bytes=lambda _path: next(free), journal=Journal(log), waiting=waiting)
     salvager.start()
     for name in names:
         salvager.submit(tmp_path / name)
