@@ -21,6 +21,7 @@ from flight_file.thresholds import BLOCK_BYTES, HEAD_BYTES
 from flight_file.untrusted import open_regular
 
 FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
+_OWN_MODE = 0o600
 _NOT_OURS = (errno.ENOENT, errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENOTDIR)  # what opening such a name says
 _ADVICE = {
     errno.EPERM: "check who may write there",
@@ -52,7 +53,7 @@ class DurableFile:
         self.synced_bytes = 0
         self._written_bytes = 0
         try:
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, FILE_MODE)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, _OWN_MODE)
             self._directory = _identity(path.parent.stat())
         except OSError as error:
             raise _not_written(path, error) from error
@@ -62,6 +63,9 @@ class DurableFile:
         # the lock only for a moment.
         with suppress(OSError):
             fcntl.flock(self._descriptor, fcntl.LOCK_EX)
+        # Only now: whoever may read a file may lock it, and would keep the recorder waiting.
+        with suppress(OSError):
+            os.fchmod(self._descriptor, FILE_MODE & ~_umask())
 
     @property
     def sha256(self) -> str:
@@ -256,6 +260,13 @@ def replace_durably(path: Path, content: bytes) -> None:
     finally:
         file.close()
     sync_directory(path.parent)
+
+
+def _umask() -> int:
+    """Read the umask; `os.umask` would change it for all threads. Raises OSError where the system does not tell."""
+    with Path("/proc/self/status").open(encoding="ascii", errors="replace") as lines:
+        found = next((line for line in lines if line.startswith("Umask:")), "Umask: 077")
+    return int(found.split()[1], 8)
 
 
 def _identity(found: os.stat_result) -> tuple[int, int]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
+import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_file.errors import FlightNotWrittenError
+from flight_file.files import DurableFile
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.messages import STATUS_TOPIC, TOPICS, encode_status
@@ -136,6 +139,29 @@ def test_name_that_is_taken_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_bytes() == b"somebody else's"
     with pytest.raises(FlightNotWrittenError, match=r"create the directory first\.$"):
         start(tmp_path / "no" / "R_0000.mcap")
+
+
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o640), (0o077, 0o600)])
+def test_nobody_else_can_open_a_file_before_it_is_locked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, umask: int, mode: int
+) -> None:
+    """Whoever may read it could keep its writer waiting; the group may read it afterwards, if the umask lets it."""
+    modes, flock = list[int](), fcntl.flock
+
+    def noting(descriptor: int, operation: int) -> None:
+        modes.append(os.fstat(descriptor).st_mode & 0o777)
+        flock(descriptor, operation)
+
+    monkeypatch.setattr(fcntl, "flock", noting)
+    before = os.umask(umask)
+    try:
+        file = DurableFile(tmp_path / "file")
+    finally:
+        os.umask(before)
+    file.close()
+
+    assert modes == [0o600]
+    assert (tmp_path / "file").stat().st_mode & 0o777 == mode
 
 
 def test_every_json_schema_describes_its_fields() -> None:
