@@ -14,6 +14,7 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from flight_file.errors import FlightNotReadableError, FlightNotWrittenError
@@ -223,10 +224,12 @@ def sync_directory(directory: Path) -> None:
 def refuse_existing(target: Path) -> None:
     """Raise FlightNotWrittenError if the name exists, or the disk does not say."""
     try:
-        if target.exists():
-            raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
+        target.lstat()  # a link that leads nowhere is something, too
+    except FileNotFoundError:
+        return
     except OSError as error:
         raise _not_written(target, error) from error
+    raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
 
 
 def rename_durably(source: Path, target: Path) -> None:
@@ -243,13 +246,29 @@ def _rename(source: Path, target: Path) -> None:
         raise _not_written(target, error) from error
 
 
+def free_aside(path: Path, suffix: str) -> Path:
+    """Return a free name beside a file, for what is to become that file.
+
+    A file of this name was left by an interrupted writing and is removed; what is no file is somebody's and stays, and
+    the name gets a number.
+    """
+    names = (path.with_name(f"{path.name}{suffix}{'' if number == 1 else f'-{number}'}") for number in count(1))
+    for name in names:
+        try:
+            if not stat.S_ISREG(name.lstat().st_mode):
+                continue
+            name.unlink()
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise _not_written(name, error) from error
+        return name
+    raise AssertionError(path)
+
+
 def replace_durably(path: Path, content: bytes) -> None:
     """Replace a small file atomically: after a power cut it is the old one or the new."""
-    aside = path.with_name(path.name + ".new")
-    try:
-        aside.unlink(missing_ok=True)
-    except OSError as error:
-        raise _not_written(aside, error) from error
+    aside = free_aside(path, ".new")
     file = DurableFile(aside)
     try:
         file.write(content)

@@ -23,7 +23,8 @@ A key signs only what the file itself proves to be that key's work, and nothing 
 Whole frames after the last checkpoint go into a file of their own, `NAME.mcap.unproven`, which says so too: they were
 written at the moment of a power cut, or added by somebody.
 
-An interrupted recovery can be repeated: the new file is first written as `NAME.mcap.recovering`.
+An interrupted recovery can be repeated: the new file is first written as `NAME.mcap.recovering`. Whatever else has one
+of these names stays as it is, and the next free name is taken.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from pathlib import Path
 from mcap.writer import Writer
 
 from flight_file.errors import FlightFileError, FlightNotWrittenError, Loss, LossKind, NothingToRecoverError
-from flight_file.files import DurableFile, claimed, rename_durably, sync_directory
+from flight_file.files import DurableFile, claimed, free_aside, rename_durably, sync_directory
 from flight_file.frame import ClockReading, Frame, storable
 from flight_file.messages import (
     CHANNEL_TOPICS,
@@ -79,7 +80,7 @@ from flight_file.session import (
     session_to_metadata,
     unproven_names,
 )
-from flight_file.signature import Signer, write_signature
+from flight_file.signature import Signer, signature_path, write_signature
 from flight_file.verification import Proof, prove, prove_file
 from flight_file.walk import decoded, walk
 from flight_file.writer import packed_head, register_late, registered_topics
@@ -341,7 +342,7 @@ class _Recovery:
     def of_file_in_work(self) -> Recovery:
         """Give it its final name, whole or recovered."""
         signed = self._proof.signed_by is not None
-        if not self._final.exists() and (signed or not self._proof.proven_bytes) and _is_whole(self._segment):
+        if not os.path.lexists(self._final) and (signed or not self._proof.proven_bytes) and _is_whole(self._segment):
             rename_durably(self._path, self._final)
             return Recovery(self._path, self._final, Outcome.FINISHED, _count_frames(self._final), signed=signed)
         recovery = self._put_together(self._final)
@@ -383,13 +384,13 @@ class _Recovery:
     def _copied(self, extent: _Extent, names: Iterator[Path], *, signer: Signer | None) -> tuple[Path, Repacked]:
         """Copy a part of the file under the first name that is free or already contains just that."""
         wanted = next(names)
-        aside = wanted.with_name(wanted.name + _ASIDE_SUFFIX)
+        aside = free_aside(wanted, _ASIDE_SUFFIX)
         try:
             repacked = self._repack_into(aside, extent)
             # A file that already contains these frames is left from an interrupted recovery.
             free = (name for name in chain([wanted], names) if name != self._path)
-            target = next(name for name in free if not name.exists() or _is_done(name, aside, signer))
-            if not target.exists():
+            target = next(name for name in free if _is_free(name, signer) or _is_done(name, aside, signer))
+            if not os.path.lexists(target):
                 if signer is not None:
                     write_signature(target, repacked.sha256, signer)
                 rename_durably(aside, target)
@@ -399,7 +400,6 @@ class _Recovery:
         return target, repacked
 
     def _repack_into(self, aside: Path, extent: _Extent) -> Repacked:
-        _remove(aside)
         file = DurableFile(aside, digested=True)
         try:
             with opened(self._path) as whole:
@@ -453,17 +453,21 @@ def _count_frames(path: Path) -> int:
     return sum(1 for _ in _frames(path))
 
 
+def _is_free(name: Path, signer: Signer | None) -> bool:
+    """Whether nothing has this name, nor that of its signature, except what an interrupted recovery left there."""
+    signature = signature_path(name)
+    is_ours = signer is not None and signature.is_file() and not signature.is_symlink()
+    return not os.path.lexists(name) and (is_ours or not os.path.lexists(signature))
+
+
 def _is_done(name: Path, aside: Path, signer: Signer | None) -> bool:
-    if signer is not None:
-        segment, _ = open_segment(name)
-        if prove(segment, signer.public_key).signed_by is None:
-            return False
-    return _same_frames(name, aside)
-
-
-def _same_frames(one: Path, two: Path) -> bool:
+    """Whether an interrupted recovery made this file of the same frames; anything else may have the name."""
+    if name.is_symlink():
+        return False
     try:
-        return all(left == right for left, right in zip_longest(_frames(one), _frames(two)))
+        if signer is not None and prove(open_segment(name)[0], signer.public_key).signed_by is None:
+            return False
+        return all(left == right for left, right in zip_longest(_frames(name), _frames(aside)))
     except FlightFileError:
         return False
 

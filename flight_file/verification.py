@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Self
 
 from flight_file.chain_check import ChainCheck, Counted
-from flight_file.errors import Finding, FindingKind, MixedFlightsError
+from flight_file.errors import Finding, FindingKind, FlightNotReadableError, MixedFlightsError
 from flight_file.records import ByteSource
 from flight_file.scan import Checkpoint
 from flight_file.segment import Segment, open_segment, opened
@@ -76,11 +76,9 @@ def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint]
     """
     in_work = path.name.endswith(PART_SUFFIX)
     try:
-        signature = read_signature(path.with_name(path.name.removesuffix(PART_SUFFIX)))
+        signature = _signature_beside(path)
     except MalformedSignatureError as error:
-        if not in_work:
-            return Proof(finding=Finding(FindingKind.WRONG_SIGNATURE, path, str(error)))
-        signature = None
+        return Proof(finding=Finding(FindingKind.WRONG_SIGNATURE, path, str(error)))
     if signature is None and not checkpoints:
         return Proof()
     digests = _digests(source, {source.size, *(point.offset for point in checkpoints)})
@@ -102,6 +100,16 @@ def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint]
         unfitting = found
     misfit = misfit or unfitting
     return Proof(None, by, proven_bytes, Finding(misfit[0], path, misfit[1]) if misfit is not None else None)
+
+
+def _signature_beside(path: Path) -> Signature | None:
+    """Read the signature beside a file; what cannot be read as one, beside a file in work, is none."""
+    try:
+        return read_signature(path.with_name(path.name.removesuffix(PART_SUFFIX)))
+    except (MalformedSignatureError, FlightNotReadableError):
+        if path.name.endswith(PART_SUFFIX):
+            return None
+        raise
 
 
 def _misfit(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 from pathlib import Path
 
@@ -326,6 +327,36 @@ def test_other_flight_under_the_name_is_never_replaced(flight: Path, frames: lis
     assert recovery.path.name == "flight_0000.recovered.mcap"
     assert flight.read_bytes() == content
     assert list(open_flight([recovery.path]).frames()) == frames[:2]
+
+
+@pytest.mark.parametrize("suffix", ["", ".sig", ".sig.new", ".recovering", ".unproven"])
+@pytest.mark.parametrize("kind", ["garbage", "empty", "folder", "fifo", "dangling link", "link"])
+@pytest.mark.parametrize("has_key", [True, False])
+def test_whatever_has_a_name_that_a_recovery_makes_stays_and_blocks_nothing(
+    signed: bytes, signer: Signer, frames: list[Frame], final: Path, suffix: str, kind: str, *, has_key: bool
+) -> None:
+    """With a key or without: the next free name is taken. Files of its own helper names it may replace."""
+    part = as_left_behind(final, signed[:-500])
+    planted, elsewhere = final.with_name(final.name + suffix), final.parent / "elsewhere"
+    elsewhere.write_bytes(b"mine")
+    if kind == "folder":
+        planted.mkdir()
+    elif kind == "fifo":
+        os.mkfifo(planted)
+    elif kind.endswith("link"):
+        planted.symlink_to("elsewhere" if kind == "link" else "nowhere")
+    else:
+        planted.write_bytes(b"garbage" if kind == "garbage" else b"")
+    before = planted.lstat()
+    recovery = recover_segment(part, at=AT, signer=signer if has_key else None)
+    (check,) = verify([recovery.path], public_key=signer.public_key if has_key else None)
+
+    assert list(open_flight([recovery.path]).frames()) == frames
+    assert (recovery.signed, check.verdict) == (has_key, Verdict.LOSS)
+    assert not part.exists()
+    assert elsewhere.read_bytes() == b"mine"
+    if suffix in ("", ".unproven") or kind not in ("garbage", "empty"):
+        assert os.path.samestat(planted.lstat(), before)
 
 
 def test_full_disk_leaves_everything_as_it_was(flight: Path, monkeypatch: pytest.MonkeyPatch) -> None:
