@@ -365,12 +365,13 @@ def _place(match: re.Match[str]) -> tuple[str, int]:
 
 
 def free_recording_name(directory: Path, wanted: str) -> str:
-    """Return the wanted name, or the first of `wanted-2`, `wanted-3`, ... that no segment in the directory has."""
+    """Return the wanted name, or the first of `wanted-2`, ... that no segment in the directory has, even one begun."""
     try:
-        taken = {parsed[0] for path in directory.iterdir() if (parsed := parse_segment_name(path))}
+        paths = [path.with_name(path.name.removesuffix(BEGUN_SUFFIX)) for path in directory.iterdir()]
     except OSError as error:
         raise FlightNotWrittenError(
             directory, reason=f"cannot be listed ({error.strerror}); check the directory"
         ) from error
+    taken = {place[0] for path in paths if (place := claimed_place(path))}
     names = (wanted if number == 1 else f"{wanted}-{number}" for number in range(1, len(taken) + 2))
     return next(name for name in names if name not in taken)

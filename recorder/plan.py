@@ -259,6 +259,19 @@ def with_free_number(plan: Plan) -> Plan:
     return replace(plan, session=replace(plan.session, segment=segment))
 
 
+def with_free_name(plan: Plan) -> Plan:
+    """Rename the plan's recording if another recorder, started in the same second, was faster.
+
+    Raises
+    ------
+    FlightNotWrittenError
+        The directory cannot be listed.
+    """
+    match = _NAME.fullmatch(plan.session.recording)
+    recording = free_recording_name(plan.directory, match[1] if match else plan.session.recording)
+    return replace(plan, session=replace(plan.session, recording=recording))
+
+
 def clock_name(wiring: Wiring) -> str:
     """Return what the session says about the clock."""
     return "system" if wiring.live else "simulated"

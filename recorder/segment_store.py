@@ -36,7 +36,7 @@ from recorder.frame_queue import DELETED, Drops
 from recorder.housekeeping import Retention
 from recorder.journal import Journal
 from recorder.marks import make_marks_folder
-from recorder.plan import with_free_number
+from recorder.plan import with_free_name, with_free_number
 from recorder.supervision import BackOff
 from recorder.thresholds import DISK_AGAIN_S, TICK_S
 
@@ -274,17 +274,17 @@ class SegmentStore:
     def _open(self, at: ClockReading) -> None:
         if self._plan is None:
             self._plan = self._make_plan()
-            self.recording = self._plan.session.recording
         self._retention.make_room()
         if self._retries_forever:
             self._watch.begin(self._plan.directory)
-            self._plan = with_free_number(self._plan)
+            self._plan = with_free_number(self._plan) if self._started else with_free_name(self._plan)
         if self._remains is not None:
             self._settle(self._remains)
             self._remains = None
         self._writer = FlightWriter(self._plan, status=self._status, at=at, log_clock=self._log_clock)
         if not self._started:
             self._started = True
+            self.recording = self._plan.session.recording
             self._journal.log.info("recording_started", recording=self.recording, directory=str(self._plan.directory))
         while self._left:
             self._left_behind(self._left.pop())

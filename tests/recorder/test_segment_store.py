@@ -152,6 +152,32 @@ def test_each_frame_is_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert check.verdict is not Verdict.FAULT
 
 
+def test_recorders_that_start_in_one_second_have_names_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if one begins while the disk still writes the head of the other's first segment."""
+    slow, quick = make_store(tmp_path, []), make_store(tmp_path, [])
+    sync = DurableFile.sync
+
+    def slow_sync(file: DurableFile) -> None:
+        monkeypatch.setattr(DurableFile, "sync", sync)
+        assert quick.open(at(0))
+        sync(file)
+
+    monkeypatch.setattr(DurableFile, "sync", slow_sync)
+    assert slow.open(at(0))
+    for store in (slow, quick):
+        store.put(frame(0, 100), at(0))
+        store.finish("stopped", at(1))
+
+    assert (slow.recording, quick.recording) == ("20180504T120000Z", "20180504T120000Z-2")
+    assert [path.name for path in sorted(tmp_path.iterdir())] == [
+        "20180504T120000Z-2_0000.mcap",
+        "20180504T120000Z_0000.mcap",
+    ]
+    assert [check.verdict for check in verify(sorted(tmp_path.iterdir()))] == [Verdict.FITS, Verdict.FITS]
+
+
 @pytest.mark.parametrize("fails", ["to make the name durable", "to begin the next segment"])
 def test_segment_that_has_its_final_name_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str
