@@ -18,7 +18,7 @@ from itertools import count
 from pathlib import Path
 
 from flight_file.errors import FlightNotReadableError, FlightNotWrittenError
-from flight_file.thresholds import BLOCK_BYTES, HEAD_BYTES
+from flight_file.thresholds import BLOCK_BYTES, MAX_SMALL_BYTES
 from flight_file.untrusted import open_regular
 
 FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
@@ -86,7 +86,7 @@ class DurableFile:
             raise _not_written(self.path, error) from error
         finally:
             self._written_bytes += done
-            self._head += view[: min(done, HEAD_BYTES - len(self._head))].tobytes()
+            self._head += view[: min(done, MAX_SMALL_BYTES - len(self._head))].tobytes()
             if self._digest is not None:
                 self._digest.update(view[:done])
         return done

@@ -4,8 +4,7 @@
 | --- | --- | --- | --- | --- |
 | MAX_READ_BYTES | 64 | MiB | largest file read whole | no panel picture is nearly as large |
 | BLOCK_BYTES | 1 | MiB | read at once of a larger one | bounds the memory |
-| MAX_SMALL_BYTES | 4 | KiB | a key, a signature, a summary record | each has a few hundred bytes |
-| HEAD_BYTES | 4 | KiB | by which a file is known again | holds the session and when it began |
+| MAX_SMALL_BYTES | 4 | KiB | a key, a signature, a summary record; a known head | each has a few hundred bytes |
 | MAX_NAME_BYTES | 120 | - | a file name from outside | file systems allow 255 |
 | MAX_SHOWN_CHARACTERS | 120 | - | shown of a problem | a sentence |
 | MAX_YAML_BYTES | 1 | MiB | a YAML document | ours have 2 to 5 KB |
@@ -35,7 +34,6 @@ from __future__ import annotations
 MAX_READ_BYTES = 64 * 2**20
 BLOCK_BYTES = 2**20
 MAX_SMALL_BYTES = 4096
-HEAD_BYTES = 4096
 MAX_NAME_BYTES = 120
 MAX_SHOWN_CHARACTERS = 120
 MAX_YAML_BYTES = 2**20

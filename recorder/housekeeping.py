@@ -2,7 +2,7 @@
 
 The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
 names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. No picture
-counts for more than `PICTURE_S`: neither a box that waited for its camera nor a small file that claims to be long, and
+counts for more than `SILENCE_S`: neither a box that waited for its camera nor a small file that claims to be long, and
 the newest, makes a flight look old.
 
 Never deleted: the newest `keep_hours`, what is marked (see `marks`), what somebody has in work, files with names that
@@ -38,7 +38,7 @@ from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
 from recorder.marks import MARKS_FOLDER, marked_names, tidy_marks
-from recorder.thresholds import NAMED_AT_ONCE, PICTURE_S, READS_AT_ONCE, SALVAGE_AGAIN_S
+from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SILENCE_S
 
 _OURS = re.compile(
     r"(?P<start>\d{8}T\d{6}Z)(-(?P<copy>\d+))?_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap"
@@ -166,7 +166,7 @@ class _SegmentIndex:
                 self.unreadable.add(name)
                 self._unsaid.append(name)
                 return 0
-            self._spans_ns[name] = min(found.span_ns, round(found.pictures * PICTURE_S * NS_PER_S))
+            self._spans_ns[name] = min(found.span_ns, round(found.pictures * SILENCE_S * NS_PER_S))
         return self._spans_ns.get(name)
 
     def say_unreadable(self) -> None:

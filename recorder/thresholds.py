@@ -15,13 +15,12 @@
 | LOOK_S | 0.25 | s | how often a wait checks for its end | stopping may take five seconds |
 | TICK_S | 1 | s | how often periodic work is checked | as often as the writer syncs |
 | SAY_S | 2 | s | how often a wait gives a sign of life | a tenth of `SILENCE_S` |
-| SILENCE_S | 20 | s | without a sign of life: it hangs | longer than one sync of a slow disk |
+| SILENCE_S | 20 | s | without a sign of life: it hangs; most that a picture counts | longer than one slow sync |
 | FIRST_WORD_S | 5 | s | wait for the camera's name | then the first segment goes without |
 | PATIENCE_S | 3 | s | for a camera to react to a stop | leaves time for the last sync |
 | END_S | 4.5 | s | for the recording to end | with LOOK_S less than five seconds |
 | HEALTH_S | 10 | s | from one health report to the next | as docs/box.md says |
 | READS_AT_ONCE | 5000 | - | segments whose length is read | half a second of the writer's thread |
-| PICTURE_S | 30 | s | most that one picture counts of a segment's length | a camera gives one sooner |
 | NAMED_AT_ONCE | 20 | - | unreadable files named in a log line | the others are counted |
 | SALVAGE_AGAIN_S | 600 | s | a file is tried again after a full disk | retention frees space meanwhile |
 | LONGER_S | 3600 | s | a segment is longer than `segment_s` | it was shortened, or the disk is slow |
@@ -51,7 +50,6 @@ PATIENCE_S = 3.0
 END_S = 4.5
 HEALTH_S = 10.0
 READS_AT_ONCE = 5_000
-PICTURE_S = 30.0
 NAMED_AT_ONCE = 20
 SALVAGE_AGAIN_S = 600.0
 LONGER_S = 3600.0
