@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import platform
 import shutil
 import threading
@@ -26,6 +27,7 @@ from recorder.thresholds import CLOCK_JUMP_NS, CLOCK_SLEWING, CLOCKS_TOGETHER_NS
 _TRIES = 3
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LATEST_NS = 253_402_300_799 * 10**9  # the end of the year 9999, where datetime ends
+_STDERR = 2
 _M_ARENA_MAX = -8  # malloc.h of glibc
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _THERMAL_ZONES = Path("/sys/class/thermal")
@@ -185,6 +187,16 @@ def share_one_heap() -> None:
     """
     with suppress(AttributeError, OSError):
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+
+
+def hold_standard_descriptors() -> None:
+    """Open those of stdin, stdout and stderr that are closed, on nothing; to be called before any file is opened.
+
+    Otherwise a flight file gets the number of stderr, and log lines and last words go into it.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        continue
+    os.close(descriptor)
 
 
 def _boot_id() -> str:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ import yaml
 
 from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file.reader import open_flight
-from tests.programs import begun, until
+from tests.programs import RECORDER, begun, until
 from tests.recorder.helpers import WriteConfig, recorder
 
 
@@ -55,6 +58,53 @@ def test_ctrl_c_ends_the_recording_cleanly(write_config: WriteConfig) -> None:
     assert [frame.sequence for frame in frames] == list(range(len(frames)))
     assert flight.losses == []
     assert box.in_work() is None
+
+
+def _full() -> int:
+    return os.open("/dev/full", os.O_WRONLY)
+
+
+def _broken() -> int:
+    reading, writing = os.pipe()
+    os.close(reading)
+    return writing
+
+
+def _stuck() -> int:
+    """A pipe that nobody reads, with no room left; its other end stays open as long as this process."""
+    _, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    return writing
+
+
+@pytest.mark.parametrize("stderr", [_full, _broken, _stuck])
+def test_log_that_cannot_be_written_does_not_cost_the_recording(
+    write_config: WriteConfig, stderr: Callable[[], int]
+) -> None:
+    """All pictures are stored and the program succeeds, whether stderr is full, broken or stuck."""
+    descriptor = stderr()
+    command = [RECORDER, "run", "--config", str(write_config())]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=descriptor, text=True, timeout=PATIENCE_S, check=True)
+    os.close(descriptor)
+    (path,) = map(Path, done.stdout.splitlines())
+
+    assert len(list(open_flight([path]).frames())) == 40
+
+
+def test_closed_streams_are_not_taken_for_the_flight(write_config: WriteConfig) -> None:
+    """With stdin, stdout and stderr closed, no file of the recording gets their numbers and the log's lines."""
+    config = write_config()
+    closed = 'exec 0<&- 1>&- 2>&-; exec "$@"'
+    subprocess.run(["/bin/sh", "-c", closed, "sh", RECORDER, "run", "--config", str(config)], check=True)
+    (path,) = config.parent.glob("flights/*.mcap")
+    flight = open_flight([path])
+
+    assert len(list(flight.frames())) == 40
+    assert flight.losses == []
 
 
 def test_info_is_a_page_or_a_document(flight: list[Path]) -> None:
