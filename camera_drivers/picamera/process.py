@@ -33,7 +33,7 @@ from camera_drivers.live.source import Missed, Picture
 from camera_drivers.picamera.cutting import AccessUnitCutter, Cutter, JpegCutter, RecordCutter
 from camera_drivers.picamera.options import PicameraSettings, arguments
 from camera_drivers.reporter import Reporter
-from camera_drivers.thresholds import CLOSE_S, SAY_S
+from camera_drivers.thresholds import CLOSE_S, MAX_DIGITS, SAY_S
 from camera_drivers.waiting import Notes
 from flight_file.frame import JPEG, NS_PER_S, ClockReading
 from flight_file.thresholds import BLOCK_BYTES, MAX_SHOWN_CHARACTERS, MAX_SMALL_BYTES
@@ -221,4 +221,4 @@ def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
 
 def _whole(said: Mapping[str, str], name: str) -> int | None:
     text = said.get(name, "").strip()
-    return int(text) if text.isascii() and text.isdigit() else None
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= MAX_DIGITS else None

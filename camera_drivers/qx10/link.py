@@ -25,7 +25,7 @@ from camera_drivers.errors import CameraError, CameraSilentError, CameraUnreacha
 from camera_drivers.qx10.addresses import HTTP_PORT, BadUrlError, at_host, host_of
 from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.reporter import Reporter
-from camera_drivers.thresholds import CLOSE_S
+from camera_drivers.thresholds import CLOSE_S, MAX_DIGITS
 from camera_drivers.waiting import Waiter
 
 CHUNK_BYTES = 64 * 1024
@@ -138,7 +138,8 @@ class Exchange:
 
     def _announced_bytes(self) -> int:
         length = "" if self._response is None else self._response.headers.get("Content-Length", "")
-        return int(length) if length.isascii() and length.isdigit() else 0
+        # So many digits are too many bytes whatever follows, and Python converts no number of thousands.
+        return int(length[:MAX_DIGITS]) if length.isascii() and length.isdigit() else 0
 
     def _request(self, method: str, url: str, body: bytes | None) -> BaseHTTPResponse:
         parts = parse_url(url)

@@ -95,6 +95,7 @@ HOSTILE: dict[str, Act] = {
     "silent": lambda connection: connection.recv(1),  # until the other side goes
     "gigabyte": send_a_gigabyte(),
     "redirect": send(b"HTTP/1.1 302 Found\r\nLocation: /silent\r\nContent-Length: 0\r\n\r\n"),
+    "digits": send(OK + b"Content-Length: " + b"9" * 5000 + b"\r\n\r\n"),
     "nest": send(OK + b"\r\n" + b"<a>" * 80_000),
 }
 LONG = Qx10Limits(search_s=120.0, call_s=60.0)
