@@ -34,6 +34,7 @@ from flight_file.frame import (
     LogLine,
     Origin,
 )
+from flight_file.untrusted import encodable
 
 IMAGE_TOPIC = "/camera/image"
 FRAME_TOPIC = "/camera/frame"
@@ -363,9 +364,9 @@ class Image:
 
 
 def json_bytes(document: dict[str, Any]) -> bytes:
-    """Encode a document, leaving out what is None."""
+    """Encode a document, leaving out what is None; a letter that UTF-8 does not have becomes a question mark."""
     present = {key: value for key, value in document.items() if value is not None}
-    return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(errors="replace")
 
 
 def time_or_none(time_ns: int | None) -> dict[str, int] | None:
@@ -504,8 +505,8 @@ def encode_status(status: CameraStatus, at: ClockReading) -> bytes:
     return json_bytes(
         {
             "clocks": reading_to_json(at),
-            "state": status.state,
-            "reason": status.reason,
+            "state": encodable(status.state),
+            "reason": encodable(status.reason),
             "dropped": status.dropped,
             "sequence": status.sequence,
             "camera_clock_offset": time_or_none(status.camera_clock_offset_ns),
@@ -534,6 +535,6 @@ def encode_health(health: Health, at: ClockReading) -> bytes:
 
 def encode_log(line: LogLine, at: ClockReading) -> bytes:
     """Encode a log line as foxglove.Log."""
-    message = Log(level=Log.Level.Value(line.level.name), message=line.message, name=line.name)
+    message = Log(level=Log.Level.Value(line.level.name), message=encodable(line.message), name=encodable(line.name))
     message.timestamp.seconds, message.timestamp.nanos = divmod(at.realtime_ns, NS_PER_S)
     return message.SerializeToString(deterministic=True)

@@ -24,6 +24,7 @@ import click
 from flight_file.thresholds import (
     MAX_NAME_BYTES,
     MAX_READ_BYTES,
+    MAX_SHOWN_CHARACTERS,
     MAX_YAML_BYTES,
 )
 
@@ -179,6 +180,17 @@ def _cut(text: str, size_bytes: int) -> str:
 def printable(text: str) -> str:
     """Escape characters that would control a terminal instead of being shown; a line break too."""
     return text if text.isprintable() else "".join(each if each.isprintable() else _escaped(each) for each in text)
+
+
+def shown(text: str, *, most: int = MAX_SHOWN_CHARACTERS) -> str:
+    """Make a stranger's text a part of a sentence: `printable`, and cut off after so many characters."""
+    plain = printable(text[: most + 1])
+    return plain if len(plain) <= most else plain[:most] + "..."
+
+
+def encodable(text: str) -> str:
+    """Escape what UTF-8 has no bytes for, such as the other bytes in a file's name; all else stays, control or not."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def _escaped(character: str) -> str:

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from flight_file.errors import FlightNotWrittenError
 from flight_file.flight_writer import FlightWriter, Plan
-from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
-from flight_file.messages import STATUS_TOPIC, TOPICS, encode_status
+from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes, LogLevel, LogLine
+from flight_file.messages import STATUS_TOPIC, TOPICS, encode_log, encode_status, json_bytes
 from flight_file.reader import open_flight
-from flight_file.session import Session, first_value
+from flight_file.session import EndRecord, Session, end_to_metadata, first_value
 from flight_file.writer import SegmentWriter
 from tests.flight_file.flights import after, make_frame
 
@@ -46,6 +46,17 @@ def test_offset_of_the_cameras_clock_is_in_the_status() -> None:
     assert document["camera_clock_sigma"] == {"sec": 3, "nsec": 1}
     assert set(document) <= set(SCHEMA["properties"])
     assert set(json.loads(encode_status(CameraStatus("connected"), AT))) == {"clocks", "state", "reason", "dropped"}
+
+
+def test_text_without_bytes_is_written_all_the_same() -> None:
+    """The other bytes of a file's name in a reason, whether of a status, a log line or the end, cost no record."""
+    words = "the disk \udcff fails"
+    end = EndRecord(words, frames=0, dropped=0, ended=AT, chain="")
+
+    assert json.loads(encode_status(CameraStatus("lost", words), AT))["reason"] == "the disk \\udcff fails"
+    assert b"the disk \\udcff fails" in encode_log(LogLine(LogLevel.ERROR, words), AT)
+    assert end_to_metadata(end)["reason"] == "the disk \\udcff fails"
+    assert json_bytes({words: words}) == b'{"the disk ? fails":"the disk ? fails"}'
 
 
 @st.composite

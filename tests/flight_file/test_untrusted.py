@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from flight_file.thresholds import MAX_NAME_BYTES
 from flight_file.untrusted import (
+    encodable,
     file_name,
     file_names,
     from_cell,
@@ -19,6 +20,7 @@ from flight_file.untrusted import (
     printable,
     read_beside,
     read_named_in,
+    shown,
     to_cell,
 )
 
@@ -78,6 +80,25 @@ def test_printed_text_moves_nothing(text: str) -> None:
     assert shown.isprintable()
     assert printable(shown.encode().decode()) == shown
     assert printable("\x1b[31mred\n\u202e\udcff\U000e0001") == "\\x1b[31mred\\x0a\\u202e\\udcff\\U000e0001"
+
+
+@given(text=any_text, repeated=st.sampled_from((1, 1, 100)))
+def test_shown_text_is_one_short_line(text: str, repeated: int) -> None:
+    """A stranger's text within a sentence is printable and short; a short plain one stays as it is."""
+    said = shown(text * repeated, most=20)
+
+    assert said.isprintable()
+    assert len(said) <= 20 + len("...")
+    assert said == text or text * repeated != text or not text.isprintable() or len(text) > 20
+    assert shown("two\nlines") == "two\\x0alines"
+    assert shown("a" * 500_000) == "a" * 120 + "..."
+
+
+@given(text=any_text)
+def test_encodable_text_has_bytes(text: str) -> None:
+    """Only what UTF-8 cannot encode is escaped."""
+    assert encodable(text).encode().decode() == encodable(encodable(text))
+    assert encodable("line\n\udcff ü") == "line\n\\udcff ü"
 
 
 @given(text=st.text() | st.sampled_from(["=cmd()", "'=x", "''-1", "-3", "@a", "+1", "\tx", "'"]))
