@@ -24,6 +24,7 @@ from typing import Any
 
 from PIL import Image
 
+from camera_drivers.thresholds import MAX_DIGITS, MAX_EXPOSURE_S
 from flight_file.frame import NS_PER_S, Exif, is_focal_length_mm
 
 _EXIF_IFD = 0x8769
@@ -57,7 +58,7 @@ def read_exif(block: bytes) -> Exif:
         return Exif()
     return Exif(
         focal_length_mm=_focal_length_mm(tags.get(0x920A)),
-        exposure_s=_positive(tags.get(0x829A)),
+        exposure_s=_exposure_s(tags.get(0x829A)),
         f_number=_positive(tags.get(0x829D)),
         iso=_iso(tags.get(0x8827)),
         datetime=_datetime(tags.get(0x9003), tags.get(0x9291), tags.get(0x9011)),
@@ -98,9 +99,14 @@ def _focal_length_mm(value: object) -> float | None:
     return length_mm if length_mm is not None and is_focal_length_mm(length_mm) else None
 
 
+def _exposure_s(value: object) -> float | None:
+    exposure_s = _positive(value)
+    return exposure_s if exposure_s is not None and exposure_s <= MAX_EXPOSURE_S else None
+
+
 def _iso(value: object) -> int | None:
     first = value[0] if isinstance(value, tuple) and value else value
-    return first if isinstance(first, int) and first > 0 else None
+    return first if isinstance(first, int) and 0 < first < 10**MAX_DIGITS else None
 
 
 def _text(value: object) -> str:

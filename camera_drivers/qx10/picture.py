@@ -92,5 +92,5 @@ def middle_of_exposure(times: HostTimes, exif: Exif) -> tuple[int, int]:
     """Estimate mid-exposure by the monotonic clock, and its standard deviation, ns."""
     start_ns, end_ns = times.before_request.monotonic_ns, times.after_answer.monotonic_ns
     took_ns = end_ns - start_ns
-    exposure_ns = min(round((exif.exposure_s or 0.0) * NS_PER_S), took_ns)
+    exposure_ns = round(min((exif.exposure_s or 0.0) * NS_PER_S, took_ns))  # no infinite number can be rounded
     return (start_ns + end_ns) // 2, round((took_ns - exposure_ns) / math.sqrt(12))

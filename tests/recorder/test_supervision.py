@@ -78,7 +78,11 @@ def test_protocol(tmp_path: Path, name: str) -> None:
     assert listener.heard == ["READY=1", "STATUS=fine"]
 
 
-@pytest.mark.parametrize("text", ["x\nMAINPID=1\nWATCHDOG=trigger", "\udcff", "L" * 600_000, "ü" * 600_000])
+@pytest.mark.parametrize(
+    "text",
+    ["x\nMAINPID=1\nWATCHDOG=trigger", "\udcff", "L" * 600_000, "ü" * 600_000],
+    ids=["lines", "no UTF-8", "long", "long and wide"],
+)
 def test_no_text_is_taken_for_another_assignment_or_takes_one_along(tmp_path: Path, text: str) -> None:
     """With line ends, with the other bytes of a file's name, or longer than a datagram: it is one line, perhaps cut."""
     listener = Listener(str(tmp_path / "notify"))

@@ -140,7 +140,7 @@ def test_state_is_looked_up_by_type() -> None:
         assert Events().ask(Told(UNKNOWN)) == CameraState()
 
 
-@pytest.mark.parametrize("text", ["x\nMAINPID=1", "\udcff", "L" * 600_000])
+@pytest.mark.parametrize("text", ["x\nMAINPID=1", "\udcff", "L" * 600_000], ids=["lines", "no UTF-8", "long"])
 def test_status_of_any_text_is_short_and_printable(text: str) -> None:
     """It stands in sentences of the log and of the flight."""
     status = Events().ask(Told([{"type": "cameraStatus", "cameraStatus": text}])).status

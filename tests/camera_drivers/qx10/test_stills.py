@@ -65,6 +65,7 @@ def test_exposure_is_in_the_middle_as_uncertain_as_the_rest_is_long() -> None:
     assert middle_of_exposure(times(1, 3), Exif()) == (2 * S, round(2 * S / 12**0.5))
     assert middle_of_exposure(times(1, 3), Exif(exposure_s=1.0)) == (2 * S, round(1 * S / 12**0.5))
     assert middle_of_exposure(times(1, 3), Exif(exposure_s=30.0)) == (2 * S, 0)
+    assert middle_of_exposure(times(1, 3), Exif(exposure_s=1e300)) == (2 * S, 0)
 
 
 def test_wall_clock_that_jumps_does_not_stretch_the_exposure() -> None:
