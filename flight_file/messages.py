@@ -295,8 +295,8 @@ CHANNEL_TOPICS: dict[int, str] = {number: topic.name for number, topic in enumer
 
 
 def to_json(time_ns: int) -> dict[str, int]:
-    """Nanoseconds as `{"sec", "nsec"}`, 0 <= nsec < 10**9."""
-    seconds, nanoseconds = divmod(time_ns, NS_PER_S)
+    """Nanoseconds as `{"sec", "nsec"}`, 0 <= nsec < 10**9, clipped to what a reader takes (see `Moment`)."""
+    seconds, nanoseconds = divmod(min(max(time_ns, -MAX_TIME_S * NS_PER_S), MAX_TIME_S * NS_PER_S), NS_PER_S)
     return {"sec": seconds, "nsec": nanoseconds}
 
 
@@ -374,6 +374,11 @@ def time_or_none(time_ns: int | None) -> dict[str, int] | None:
     return None if time_ns is None else to_json(time_ns)
 
 
+def _captured_ns(frame: Frame) -> int:
+    """Clip a frame's time to what a reader takes; a wall clock that stands at 1970 gives an earlier one."""
+    return min(max(frame.captured_ns, 0), MAX_TIME_S * NS_PER_S)
+
+
 def picture_topic(frame: Frame) -> str:
     """Return the topic of a frame's picture."""
     return VIDEO_TOPIC if frame.format in VIDEO_FORMATS else IMAGE_TOPIC
@@ -383,7 +388,7 @@ def encode_image(frame: Frame) -> bytes:
     """Encode the picture as foxglove.CompressedImage, or as foxglove.CompressedVideo if it is one of a video."""
     kind = CompressedVideo if frame.format in VIDEO_FORMATS else CompressedImage
     message = kind(data=frame.encoded, format=frame.format, frame_id=FRAME_ID)
-    message.timestamp.seconds, message.timestamp.nanos = divmod(frame.captured_ns, NS_PER_S)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(_captured_ns(frame), NS_PER_S)
     return message.SerializeToString(deterministic=True)
 
 
@@ -408,7 +413,7 @@ def encode_frame(frame: Frame) -> bytes:
     return json_bytes(
         {
             "sequence": frame.sequence,
-            "captured": to_json(frame.captured_ns),
+            "captured": to_json(_captured_ns(frame)),
             "captured_sigma": time_or_none(frame.captured_sigma_ns),
             "times": host_times_to_json(frame.times),
             "exif": {name: value for name, value in exif.items() if value is not None},

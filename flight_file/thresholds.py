@@ -20,6 +20,7 @@
 | FOCAL_LENGTHS_MM | 0.1, 10 000 | mm | shortest and longest lens | an endoscope's, an observatory's |
 | MAX_RECORD_BYTES | 1 | GiB | an MCAP record | a damaged length may claim more |
 | MAX_CHUNK_BYTES | 64 | MiB | a chunk, uncompressed | other writers end theirs at 4 MiB |
+| MAX_PICTURE_BYTES | 60 | MiB | a picture that is stored | a chunk has it, its record, and what came with it |
 | GROWTH | 1.5 | - | all chunks unpacked, relative to the file | pictures do not shrink |
 | FREE_GROWTH_BYTES | 0.5 | MiB | in addition | a small file is mostly headers |
 | MAX_UNPAIRED | 20 | - | half frames reported | the others are counted |
@@ -49,6 +50,7 @@ MAX_SCANS = 20
 FOCAL_LENGTHS_MM = (0.1, 10_000.0)
 MAX_RECORD_BYTES = 2**30
 MAX_CHUNK_BYTES = 2**26
+MAX_PICTURE_BYTES = MAX_CHUNK_BYTES - 2**22
 GROWTH = 1.5
 FREE_GROWTH_BYTES = 2**19
 MAX_UNPAIRED = 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,8 @@ import yaml
 
 from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file.reader import open_flight
+from flight_file.thresholds import MAX_PICTURE_BYTES
+from tests.flight_file.flights import make_frame, write_flight
 from tests.programs import RECORDER, begun, until
 from tests.recorder.helpers import WriteConfig, recorder
 
@@ -251,6 +255,17 @@ def test_what_a_flight_has_lost_is_said(pictures: Path, tmp_path: Path, command:
     assert done.returncode == 3
     assert "  lost: " in done.stderr
     assert 0 < count < 40
+
+
+@pytest.mark.slow
+def test_picture_that_a_flight_does_not_take_is_a_loss_of_its_replay(tmp_path: Path) -> None:
+    """Of a flight by another writer, in which it can still be read: it is counted, and the exit code is 3."""
+    frames = [make_frame(0), replace(make_frame(1), encoded=bytes(MAX_PICTURE_BYTES + 1))]
+    digested = [replace(frame, sha256=hashlib.sha256(frame.encoded).hexdigest()) for frame in frames]
+    done = recorder("replay", *write_flight(tmp_path, digested), "-o", tmp_path / "new.mcap")
+
+    assert (done.returncode, done.stdout) == (3, f"{tmp_path / 'new.mcap'}: 1 pictures\n")
+    assert done.stderr == "  lost: 1 of the pictures, which are larger than a flight file takes\n"
 
 
 def test_other_pictures_are_not_replaced(pictures: Path, tmp_path: Path) -> None:
