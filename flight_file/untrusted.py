@@ -13,6 +13,7 @@ import json
 import os
 import re
 import stat
+import sys
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -199,14 +200,25 @@ def _escaped(character: str) -> str:
 
 
 def say(*lines: str, err: bool = False) -> None:
-    """Print lines on the terminal, each of them `printable`."""
+    """Print lines on the terminal, each of them `printable`; raises ClickException where stdout cannot be written."""
     for line in lines:
-        click.echo(printable(line), err=err)
+        _echo(printable(line), err=err)
 
 
 def say_json(document: object) -> None:
-    """Print a document for a script, all in ASCII."""
-    click.echo(json.dumps(document, indent=2).replace("\x7f", "\\u007f"))
+    """Print a document for a script, all in ASCII; raises as `say`."""
+    _echo(json.dumps(document, indent=2).replace("\x7f", "\\u007f"))
+
+
+def _echo(text: str, *, err: bool = False) -> None:
+    try:
+        click.echo(text, err=err)
+    except OSError as error:
+        if err or error.errno == errno.EPIPE:  # a reader such as `head` has seen enough; click ends the program
+            raise
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - what Python still holds back would fail again at the end
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        raise click.ClickException(f"stdout cannot be written ({error.strerror}); send it elsewhere.") from error
 
 
 def to_cell(text: str) -> str:

@@ -99,6 +99,21 @@ def test_log_that_cannot_be_written_does_not_cost_the_recording(
     assert len(list(open_flight([path]).frames())) == 40
 
 
+def test_output_that_cannot_be_written_is_one_sentence(write_config: WriteConfig) -> None:
+    """The list of segments finds no room; the recording is whole all the same."""
+    config = write_config()
+    command = [RECORDER, "run", "--config", str(config)]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    (path,) = config.parent.glob("flights/*.mcap")
+
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[2:] == [
+        "Error: stdout cannot be written (No space left on device); send it elsewhere."
+    ]
+    assert len(list(open_flight([path]).frames())) == 40
+
+
 def test_closed_streams_are_not_taken_for_the_flight(write_config: WriteConfig) -> None:
     """With stdin, stdout and stderr closed, no file of the recording gets their numbers and the log's lines."""
     config = write_config()
