@@ -15,7 +15,6 @@ Source: CIPA DC-008 (Exif 2.32). The block is at most 64 KiB, since a JPEG segme
 
 from __future__ import annotations
 
-import math
 import re
 import struct
 import warnings
@@ -24,10 +23,10 @@ from typing import Any
 
 from PIL import Image
 
-from camera_drivers.thresholds import MAX_DIGITS, MAX_EXPOSURE_S
 from flight_file.frame import NS_PER_S, Exif, is_focal_length_mm
 
 _EXIF_IFD = 0x8769
+_LONG = 2**32  # no LONG is as large, and so no RATIONAL; what a damaged tag has in another type is no value
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)")
@@ -58,7 +57,7 @@ def read_exif(block: bytes) -> Exif:
         return Exif()
     return Exif(
         focal_length_mm=_focal_length_mm(tags.get(0x920A)),
-        exposure_s=_exposure_s(tags.get(0x829A)),
+        exposure_s=_positive(tags.get(0x829A)),
         f_number=_positive(tags.get(0x829D)),
         iso=_iso(tags.get(0x8827)),
         datetime=_datetime(tags.get(0x9003), tags.get(0x9291), tags.get(0x9011)),
@@ -91,7 +90,7 @@ def _positive(value: object) -> float | None:
         number = float(value)  # type: ignore[arg-type]  # whatever it is, float() decides
     except _DAMAGE:
         return None
-    return number if math.isfinite(number) and number > 0 else None
+    return number if 0 < number < _LONG else None
 
 
 def _focal_length_mm(value: object) -> float | None:
@@ -99,14 +98,9 @@ def _focal_length_mm(value: object) -> float | None:
     return length_mm if length_mm is not None and is_focal_length_mm(length_mm) else None
 
 
-def _exposure_s(value: object) -> float | None:
-    exposure_s = _positive(value)
-    return exposure_s if exposure_s is not None and exposure_s <= MAX_EXPOSURE_S else None
-
-
 def _iso(value: object) -> int | None:
     first = value[0] if isinstance(value, tuple) and value else value
-    return first if isinstance(first, int) and 0 < first < 10**MAX_DIGITS else None
+    return first if isinstance(first, int) and 0 < first < _LONG else None
 
 
 def _text(value: object) -> str:

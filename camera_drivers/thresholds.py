@@ -12,9 +12,6 @@
 | MAX_SHOTS | 3 | - | tries at a shot while it is not ready | then it is reported |
 | MAX_DOWNLOADS | 2 | - | of one picture | the same damage twice comes from the camera |
 | MAX_ANSWER_BYTES | 1 | MiB | an answer, a liveview picture, a payload of telemetry | real ones have at most 14 kB |
-| MAX_DIGITS | 18 | - | of a whole number in a text | 64 bits hold them |
-| MAX_BUFFERED_BYTES | 128 | MiB | of a picture in several scans, to decode it | 103 of 18 megapixels |
-| MAX_EXPOSURE_S | 86 400 | s | an exposure, in EXIF | no camera exposes for longer than a day |
 | MAX_WAITING_PICTURES | 64 | - | liveview pictures waiting | those that arrived together |
 | REMEMBERED_PICTURES | 16 | - | addresses of pictures | so that none is reported twice |
 | SEARCH_AGAIN_S | 2 | s | before a search is sent again | SSDP is lossy |
@@ -44,9 +41,6 @@ MAX_FAILURES = 4
 MAX_SHOTS = 3
 MAX_DOWNLOADS = 2
 MAX_ANSWER_BYTES = 2**20
-MAX_DIGITS = 18
-MAX_BUFFERED_BYTES = 128 * 2**20
-MAX_EXPOSURE_S = 86_400.0
 MAX_WAITING_PICTURES = 64
 REMEMBERED_PICTURES = 16
 SEARCH_AGAIN_S = 2.0

@@ -23,6 +23,7 @@ from flight_file.thresholds import (
     JPEG_PIXELS_PER_BYTE,
     MAX_PIXELS,
     MAX_SCANS,
+    MAX_SHOWN_CHARACTERS,
     MAX_SIDE_PX,
     MAX_YAML_BYTES,
     MAX_YAML_DEPTH,
@@ -31,7 +32,6 @@ from flight_file.thresholds import (
     PIXELS_ALWAYS_TRIED,
     PNG_PIXELS_PER_BYTE,
 )
-from flight_file.untrusted import shown
 
 SOI, EOI = b"\xff\xd8", b"\xff\xd9"
 SOS = 0xDA
@@ -215,7 +215,8 @@ def parse_yaml(text: bytes | str) -> Any:  # noqa: ANN401 - it is whatever the t
 
 
 def _not_yaml(problem: str, mark: yaml.Mark | None) -> NotYamlError:
-    return NotYamlError(f"is not YAML ({shown(problem)}); correct it", line=None if mark is None else mark.line + 1)
+    shown = problem if len(problem) <= MAX_SHOWN_CHARACTERS else problem[:MAX_SHOWN_CHARACTERS] + "..."
+    return NotYamlError(f"is not YAML ({shown}); correct it", line=None if mark is None else mark.line + 1)
 
 
 class _RefusedError(yaml.MarkedYAMLError):

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from flight_file.thresholds import FOCAL_LENGTHS_MM, MAX_PICTURE_BYTES
+from flight_file.thresholds import FOCAL_LENGTHS_MM, MAX_READ_BYTES
 
 NS_PER_S = 1_000_000_000
 JPEG = "jpeg"
@@ -262,8 +262,8 @@ class Frame:
     @property
     def objection(self) -> str:
         """Why no reader would find it in a flight file, in words; empty if it can be stored."""
-        too_large = len(self.encoded) > MAX_PICTURE_BYTES
-        return f"the picture is larger than {MAX_PICTURE_BYTES >> 20} MiB" if too_large else ""
+        too_large = len(self.encoded) > MAX_READ_BYTES
+        return f"the picture is larger than {MAX_READ_BYTES >> 20} MiB" if too_large else ""
 
     def with_encoded(self, encoded: bytes) -> Frame:
         """Copy the frame with this picture."""

@@ -2,7 +2,7 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| MAX_READ_BYTES | 64 | MiB | largest file read whole | no panel picture is nearly as large |
+| MAX_READ_BYTES | 60 | MiB | largest file read whole, largest picture stored | its chunk has 4 MiB for all else |
 | BLOCK_BYTES | 1 | MiB | read at once of a larger one | bounds the memory |
 | MAX_SMALL_BYTES | 4 | KiB | a key, a signature, a summary record | each has a few hundred bytes |
 | MAX_NAME_BYTES | 120 | - | a file name from outside | file systems allow 255 |
@@ -20,7 +20,6 @@
 | FOCAL_LENGTHS_MM | 0.1, 10 000 | mm | shortest and longest lens | an endoscope's, an observatory's |
 | MAX_RECORD_BYTES | 1 | GiB | an MCAP record | a damaged length may claim more |
 | MAX_CHUNK_BYTES | 64 | MiB | a chunk, uncompressed | other writers end theirs at 4 MiB |
-| MAX_PICTURE_BYTES | 60 | MiB | a picture that is stored | a chunk has it, its record, and what came with it |
 | GROWTH | 1.5 | - | all chunks unpacked, relative to the file | pictures do not shrink |
 | FREE_GROWTH_BYTES | 0.5 | MiB | in addition | a small file is mostly headers |
 | MAX_UNPAIRED | 20 | - | half frames reported | the others are counted |
@@ -32,7 +31,7 @@
 
 from __future__ import annotations
 
-MAX_READ_BYTES = 64 * 2**20
+MAX_READ_BYTES = 60 * 2**20
 BLOCK_BYTES = 2**20
 MAX_SMALL_BYTES = 4096
 MAX_NAME_BYTES = 120
@@ -50,7 +49,6 @@ MAX_SCANS = 20
 FOCAL_LENGTHS_MM = (0.1, 10_000.0)
 MAX_RECORD_BYTES = 2**30
 MAX_CHUNK_BYTES = 2**26
-MAX_PICTURE_BYTES = MAX_CHUNK_BYTES - 2**22
 GROWTH = 1.5
 FREE_GROWTH_BYTES = 2**19
 MAX_UNPAIRED = 20

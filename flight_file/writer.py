@@ -66,7 +66,7 @@ from flight_file.session import (
     start_of_segment,
 )
 from flight_file.signature import Signer, checkpoint, write_signature
-from flight_file.thresholds import CHUNK_BYTES, MAX_PICTURE_BYTES, SYNC_BYTES, SYNC_NS
+from flight_file.thresholds import CHUNK_BYTES, MAX_READ_BYTES, SYNC_BYTES, SYNC_NS
 from flight_file.video.positions import encode_fix
 from flight_file.video.sound import encode_sound, sound_topic
 
@@ -270,7 +270,7 @@ class SegmentWriter:
         at
             The recorder's clocks; a frame's log time follows the monotonic one and never goes back (see `LogClock`).
         """
-        if self._chunk_bytes + len(frame.encoded) > MAX_PICTURE_BYTES:
+        if self._chunk_bytes + len(frame.encoded) > MAX_READ_BYTES:
             self._close_chunk()
         self.unsynced += 1
         log_ns = self._log_clock.time_ns(at)

@@ -31,8 +31,8 @@ from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
-from recorder.supervision import BackOff, Heartbeats, Stop
-from recorder.thresholds import CAMERA_AGAIN_S, SAID_CHARACTERS, SAY_S, UNUSABLE_AGAIN_S
+from recorder.supervision import LINE_CHARACTERS, BackOff, Heartbeats, Stop
+from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
 NO_MORE_PICTURES = "no more pictures"
 
@@ -149,7 +149,7 @@ class CameraReports:
 
 def _notice(status: CameraStatus, at: ClockReading, identity: CameraIdentity | None = None) -> Notice:
     """Make a notice whose texts are short and printable, whatever a camera says."""
-    plain = replace(status, state=shown(status.state), reason=shown(status.reason, most=SAID_CHARACTERS))
+    plain = replace(status, state=shown(status.state), reason=shown(status.reason, most=LINE_CHARACTERS))
     if identity is None:
         return Notice(plain, at)
     return Notice(plain, at, replace(identity, model=shown(identity.model), serial=shown(identity.serial)))
@@ -177,7 +177,7 @@ class Capture(threading.Thread):
         try:
             reason, crashed = self._capture(), False
         except CameraError as failure:
-            reason, error, crashed = shown(f"camera failed: {failure}", most=SAID_CHARACTERS), failure, False
+            reason, error, crashed = shown(f"camera failed: {failure}", most=LINE_CHARACTERS), failure, False
         finally:
             self._queue.end(Ended(reason, self._wiring.clock.read(), error, crashed))
 

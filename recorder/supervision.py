@@ -20,10 +20,11 @@ from flight_file.frame import NS_PER_S
 from flight_file.untrusted import shown
 from recorder.errors import RecorderError
 from recorder.journal import Journal
-from recorder.thresholds import END_S, LOOK_S, SAID_CHARACTERS, SILENCE_S
+from recorder.thresholds import END_S, LOOK_S, SILENCE_S
 
 _ENDING = (signal.SIGTERM, signal.SIGINT)
 SOCKET_VARIABLE = "NOTIFY_SOCKET"
+LINE_CHARACTERS = 1000  # systemd takes 4096 bytes at once, and a character has up to four
 
 
 class Stop:
@@ -141,7 +142,7 @@ class ServiceManager:
             return
         for line in lines:
             with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
-                sender.sendto(shown(line, most=SAID_CHARACTERS).encode(), self._address)
+                sender.sendto(shown(line, most=LINE_CHARACTERS).encode(), self._address)
 
 
 class Supervision:

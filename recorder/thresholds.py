@@ -9,7 +9,6 @@
 | MARK_BYTES | 64 | KiB | a mark | hundreds of notes |
 | SHOWN_ERRORS | 3 | - | wrong values named at once | a sentence holds no more |
 | SHOWN_CHARACTERS | 160 | - | of a message, a value or a key | the same |
-| SAID_CHARACTERS | 1000 | - | of a camera's news, and told to systemd | systemd takes 4 KiB at once |
 | CLOCKS_TOGETHER_NS | 1 | ms | two clocks read at one moment | if longer, another thread ran in between |
 | CLOCK_JUMP_NS | 20 | ms | the clock was set, not read late | a busy machine reads slowly |
 | CLOCK_SLEWING | 0.001 | - | of the time passed: not slewed either | twice the kernel's limit of 0.05 % |
@@ -39,7 +38,6 @@ ATTACHMENTS_BYTES = 64 * 2**20
 MARK_BYTES = 64 * 2**10
 SHOWN_ERRORS = 3
 SHOWN_CHARACTERS = 160
-SAID_CHARACTERS = 1000
 CLOCKS_TOGETHER_NS = 1_000_000
 CLOCK_JUMP_NS = 20_000_000
 CLOCK_SLEWING = 0.001

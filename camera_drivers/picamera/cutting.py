@@ -13,7 +13,7 @@ from typing import Protocol
 from camera_drivers.errors import CameraError
 from camera_drivers.jpeg import jpeg_end
 from flight_file.documents import EOI, SOI
-from flight_file.thresholds import MAX_PICTURE_BYTES
+from flight_file.thresholds import MAX_READ_BYTES
 
 _START = b"\0\0\1"
 _BEFORE_A_PICTURE = frozenset({6, 7, 8, 9})  # SEI, SPS, PPS, access unit delimiter
@@ -95,7 +95,7 @@ class RecordCutter:
     def feed(self, data: bytes) -> list[dict[str, str]]:
         """Return the records that these bytes complete, values by name."""
         *whole, self._buffer = (self._buffer + data).split(_RECORD_END)
-        if len(self._buffer) > MAX_PICTURE_BYTES:
+        if len(self._buffer) > MAX_READ_BYTES:
             self._buffer = b""
         return [
             dict(line.split("=", 1) for line in record.decode("utf-8", "replace").splitlines() if "=" in line)
@@ -104,6 +104,6 @@ class RecordCutter:
 
 
 def _refuse_endless(buffer: bytearray) -> None:
-    if len(buffer) > MAX_PICTURE_BYTES:
+    if len(buffer) > MAX_READ_BYTES:
         buffer.clear()
         raise CameraError("rpicam-vid does not send pictures; try its command line by hand.")

@@ -18,10 +18,10 @@ from PIL import Image
 from camera_drivers.clock import realtime_ns
 from camera_drivers.exif import read_exif
 from camera_drivers.jpeg import jpeg_end, jpeg_facts
-from camera_drivers.thresholds import MAX_BUFFERED_BYTES
 from flight_file.documents import picture_header
 from flight_file.frame import NS_PER_S, Exif, Frame, HostTimes
 
+_MOST_BUFFERED_BYTES = 2 * 3 * 4896 * 3672  # coefficients of this camera's largest pictures in colour: 103 MiB
 _SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, little of the memory needed
 
 
@@ -38,7 +38,7 @@ def fault_of(jpeg: bytes) -> str:
         return "the picture is cut short"
     picture = jpeg[:end]
     header = picture_header(picture)
-    if header is None or header.objection(len(picture)) or header.buffered_bytes > MAX_BUFFERED_BYTES:
+    if header is None or header.objection(len(picture)) or header.buffered_bytes > _MOST_BUFFERED_BYTES:
         return "the picture is larger than any of this camera, or coded in another way"
     return "" if _decodes(picture) else "the picture is damaged"
 

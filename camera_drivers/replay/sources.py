@@ -25,7 +25,7 @@ from flight_file.documents import is_heif
 from flight_file.errors import FlightFileError
 from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, HostTimes
 from flight_file.reader import open_flight
-from flight_file.thresholds import MAX_PICTURE_BYTES
+from flight_file.thresholds import MAX_READ_BYTES
 from flight_file.untrusted import open_regular, read_regular
 
 FLIGHT_SUFFIXES = (".mcap", ".mcap.part")
@@ -152,7 +152,7 @@ def _head(path: Path, size_bytes: int = 12) -> bytes:
 
 def _read(path: Path) -> bytes:
     try:
-        return read_regular(path, limit_bytes=MAX_PICTURE_BYTES)
+        return read_regular(path, limit_bytes=MAX_READ_BYTES)
     except OSError as error:
         raise _unreadable(path, error) from error
 

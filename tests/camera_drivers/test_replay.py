@@ -15,7 +15,7 @@ from camera_drivers.replay.camera import ReplayCamera, open_source
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.session import Session
-from flight_file.thresholds import MAX_PICTURE_BYTES
+from flight_file.thresholds import MAX_READ_BYTES
 from recorder.host import SimulatedClock
 from tests.videos import played
 
@@ -92,7 +92,7 @@ def test_times_that_do_not_increase_ask_for_a_rate(
         played(tmp_path, clock=clock)
 
 
-@pytest.mark.parametrize("size_bytes", [MAX_PICTURE_BYTES + 1, 2**42])
+@pytest.mark.parametrize("size_bytes", [MAX_READ_BYTES + 1, 2**42])
 def test_picture_larger_than_a_flight_takes_is_one_sentence(
     folder: Path, clock: SimulatedClock, size_bytes: int
 ) -> None:

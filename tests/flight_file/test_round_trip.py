@@ -18,7 +18,7 @@ from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.messages import MAX_TIME_S, STATUS_TOPIC, TOPICS, encode_log, encode_status, json_bytes
 from flight_file.reader import open_flight
 from flight_file.session import EndRecord, Session, end_to_metadata, first_value
-from flight_file.thresholds import MAX_PICTURE_BYTES
+from flight_file.thresholds import MAX_READ_BYTES
 from flight_file.writer import SegmentWriter
 from tests.flight_file.flights import after, make_frame
 
@@ -114,7 +114,7 @@ def test_time_that_no_reader_takes_costs_no_frame(tmp_path: Path, time_ns: int) 
 
 def test_largest_picture_that_is_taken_comes_back(tmp_path: Path) -> None:
     """Also after others that wait for their chunk; one byte more is objected to."""
-    small, large = make_frame(0, 60_000), replace(make_frame(1), encoded=bytes(MAX_PICTURE_BYTES))
+    small, large = make_frame(0, 60_000), replace(make_frame(1), encoded=bytes(MAX_READ_BYTES))
     large = replace(large, sha256=hashlib.sha256(large.encoded).hexdigest())
     writer = FlightWriter(Plan(tmp_path, Session("flight"), {}), status=CameraStatus("connected"), at=after(0))
     for frame in (small, large):
@@ -124,7 +124,7 @@ def test_largest_picture_that_is_taken_comes_back(tmp_path: Path) -> None:
     assert [frame.sha256 for frame in flight.frames()] == [small.sha256, large.sha256]
     assert flight.losses == []
     assert large.objection == ""
-    assert replace(large, encoded=bytes(MAX_PICTURE_BYTES + 1)).objection == "the picture is larger than 60 MiB"
+    assert replace(large, encoded=bytes(MAX_READ_BYTES + 1)).objection == "the picture is larger than 60 MiB"
 
 
 def test_session_and_attachments_come_back(tmp_path: Path) -> None:

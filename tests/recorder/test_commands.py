@@ -19,7 +19,7 @@ import yaml
 
 from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file.reader import open_flight
-from flight_file.thresholds import MAX_PICTURE_BYTES
+from flight_file.thresholds import MAX_READ_BYTES
 from tests.flight_file.flights import make_frame, write_flight
 from tests.programs import RECORDER, begun, until
 from tests.recorder.helpers import WriteConfig, recorder
@@ -112,6 +112,15 @@ def test_output_that_cannot_be_written_is_one_sentence(write_config: WriteConfig
         "Error: stdout cannot be written (No space left on device); send it elsewhere."
     ]
     assert len(list(open_flight([path]).frames())) == 40
+
+
+def test_exit_code_does_not_depend_on_the_log(write_config: WriteConfig) -> None:
+    """A wrong configuration stays one (78) where the sentence about it cannot be written: systemd must not retry."""
+    command = [RECORDER, "run", "--config", str(write_config(storage={"segment_s": -1}))]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=full, check=False)
+
+    assert done.returncode == 78
 
 
 def test_closed_streams_are_not_taken_for_the_flight(write_config: WriteConfig) -> None:
@@ -275,7 +284,7 @@ def test_what_a_flight_has_lost_is_said(pictures: Path, tmp_path: Path, command:
 @pytest.mark.slow
 def test_picture_that_a_flight_does_not_take_is_a_loss_of_its_replay(tmp_path: Path) -> None:
     """Of a flight by another writer, in which it can still be read: it is counted, and the exit code is 3."""
-    frames = [make_frame(0), replace(make_frame(1), encoded=bytes(MAX_PICTURE_BYTES + 1))]
+    frames = [make_frame(0), replace(make_frame(1), encoded=bytes(MAX_READ_BYTES + 1))]
     digested = [replace(frame, sha256=hashlib.sha256(frame.encoded).hexdigest()) for frame in frames]
     done = recorder("replay", *write_flight(tmp_path, digested), "-o", tmp_path / "new.mcap")
 

@@ -15,7 +15,7 @@ from camera_drivers.errors import ReplayError
 from flight_file.errors import FlightNotWrittenError
 from flight_file.files import DurableFile
 from flight_file.reader import open_flight
-from flight_file.thresholds import MAX_PICTURE_BYTES
+from flight_file.thresholds import MAX_READ_BYTES
 from recorder import writer_thread
 from recorder.config import RecorderConfig
 from recorder.errors import RecorderError
@@ -125,7 +125,7 @@ def test_drops_of_a_live_camera_are_counted_and_visible(
 def test_picture_that_no_reader_would_find_is_dropped_and_counted(start_daemon: StartDaemon) -> None:
     """Of a camera that sends more than a flight file takes; the pictures around it are stored."""
     daemon = start_daemon()
-    for picture in (b"1", bytes(MAX_PICTURE_BYTES + 1), b"2"):
+    for picture in (b"1", bytes(MAX_READ_BYTES + 1), b"2"):
         daemon.feed(picture)
     outcome = daemon.finish()
 
