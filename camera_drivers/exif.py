@@ -15,7 +15,6 @@ Source: CIPA DC-008 (Exif 2.32). The block is at most 64 KiB, since a JPEG segme
 
 from __future__ import annotations
 
-import math
 import re
 import struct
 import warnings
@@ -27,6 +26,7 @@ from PIL import Image
 from flight_file.frame import NS_PER_S, Exif, is_focal_length_mm
 
 _EXIF_IFD = 0x8769
+_LONG = 2**32  # no LONG is as large, and so no RATIONAL; what a damaged tag has in another type is no value
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)")
@@ -90,7 +90,7 @@ def _positive(value: object) -> float | None:
         number = float(value)  # type: ignore[arg-type]  # whatever it is, float() decides
     except _DAMAGE:
         return None
-    return number if math.isfinite(number) and number > 0 else None
+    return number if 0 < number < _LONG else None
 
 
 def _focal_length_mm(value: object) -> float | None:
@@ -100,7 +100,7 @@ def _focal_length_mm(value: object) -> float | None:
 
 def _iso(value: object) -> int | None:
     first = value[0] if isinstance(value, tuple) and value else value
-    return first if isinstance(first, int) and first > 0 else None
+    return first if isinstance(first, int) and 0 < first < _LONG else None
 
 
 def _text(value: object) -> str:

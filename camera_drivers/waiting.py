@@ -19,6 +19,7 @@ from flight_file.frame import NS_PER_S, CameraStatus
 
 T = TypeVar("T")
 NO_ANSWER = "no whole answer within its time"
+CRASHED = "the answer crashed the driver, whose traceback is in the log"
 
 
 class Notes:
@@ -121,21 +122,25 @@ class Waiter:
 class Job(threading.Thread, Generic[T]):
     """Runs a function in a daemon thread, since it may hang, and keeps its outcome.
 
+    What it runs reads what a stranger sent, and ends in a result or a CameraError, whatever that was: a bug that the
+    stranger found must not end the recording.
+
     Attributes
     ----------
     done
         Set as soon as there is an outcome.
     """
 
-    def __init__(self, name: str, work: Callable[[], T]) -> None:
-        super().__init__(name=f"camera {name}", daemon=True)
+    def __init__(self, call: str, work: Callable[[], T]) -> None:
+        super().__init__(name=f"camera {call}", daemon=True)
+        self._call = call
         self._work = work
         self._results: list[T] = []
         self._error: CameraError | None = None
         self.done = threading.Event()
 
     def run(self) -> None:
-        """Run the function; a bug keeps its traceback."""
+        """Run the function; the traceback of a bug goes to stderr."""
         try:
             self._results.append(self._work())
         except CameraError as error:
@@ -148,5 +153,5 @@ class Job(threading.Thread, Generic[T]):
         if self._error is not None:
             raise self._error
         if not self._results:
-            raise RuntimeError(f"{self.name} crashed; its traceback is above, please report it.")
+            raise CameraSilentError(self._call, CRASHED)
         return self._results[0]

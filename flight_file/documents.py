@@ -40,6 +40,7 @@ ALONE = frozenset(range(0xD0, 0xD8)) | {0x01}  # RSTn, TEM: no length follows
 
 _SEQUENTIAL = frozenset((0xC0, 0xC1))
 _SIZE = struct.Struct(">BHHB")  # bits per sample, height, width, components
+_COEFFICIENT_BYTES = 2
 _HEIGHT_AT = 5  # behind the marker, the length and the bits per sample
 _HEAD = struct.Struct(">BBH")  # FF, what kind of segment it is, its length without these two bytes of marker
 _PNG = struct.Struct(">8s4x4sIIBB")  # signature, length of the first chunk, its name, width, height, depth, colour
@@ -68,6 +69,9 @@ class PictureHeader:
         Number of passes over its pixels.
     stored_bytes
         Of its pixels before compression, if that says more than their number.
+    buffered_bytes
+        At most kept of it while it is decoded: of a JPEG in several scans, all coefficients; 0 of one that is decoded
+        row by row.
     """
 
     height_px: int
@@ -76,6 +80,7 @@ class PictureHeader:
     is_sequential: bool
     scans: int = 1
     stored_bytes: int = 0
+    buffered_bytes: int = 0
 
     def objection(self, size_bytes: int) -> str:
         """Say why a file of this size must not be decompressed, as a sentence without full stop; empty if it may."""
@@ -151,7 +156,9 @@ def _jpeg_header(encoded: bytes) -> PictureHeader | None:
                 return None
             several = kind not in _SEQUENTIAL or start == end or encoded[start] < components
             scans = encoded.count(_SCAN_START, start - 4) if several else 1
-            return PictureHeader(height, width, at, kind in _SEQUENTIAL and encoded.endswith(EOI), scans)
+            buffered_bytes = _COEFFICIENT_BYTES * height * width * components if several else 0
+            is_sequential = kind in _SEQUENTIAL and encoded.endswith(EOI)
+            return PictureHeader(height, width, at, is_sequential, scans, buffered_bytes=buffered_bytes)
     return PictureHeader(height, width, at, False) if height and width else None
 
 

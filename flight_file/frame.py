@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from flight_file.thresholds import FOCAL_LENGTHS_MM
+from flight_file.thresholds import FOCAL_LENGTHS_MM, MAX_READ_BYTES
 
 NS_PER_S = 1_000_000_000
 JPEG = "jpeg"
@@ -258,6 +258,12 @@ class Frame:
     sound: tuple[Sound, ...] = field(default=(), compare=False, repr=False)
     group: Group | None = field(default=None, compare=False, repr=False)
     place: int = field(default=0, compare=False)
+
+    @property
+    def objection(self) -> str:
+        """Why no reader would find it in a flight file, in words; empty if it can be stored."""
+        too_large = len(self.encoded) > MAX_READ_BYTES
+        return f"the picture is larger than {MAX_READ_BYTES >> 20} MiB" if too_large else ""
 
     def with_encoded(self, encoded: bytes) -> Frame:
         """Copy the frame with this picture."""

@@ -34,6 +34,7 @@ from flight_file.frame import (
     LogLine,
     Origin,
 )
+from flight_file.untrusted import encodable
 
 IMAGE_TOPIC = "/camera/image"
 FRAME_TOPIC = "/camera/frame"
@@ -294,8 +295,8 @@ CHANNEL_TOPICS: dict[int, str] = {number: topic.name for number, topic in enumer
 
 
 def to_json(time_ns: int) -> dict[str, int]:
-    """Nanoseconds as `{"sec", "nsec"}`, 0 <= nsec < 10**9."""
-    seconds, nanoseconds = divmod(time_ns, NS_PER_S)
+    """Nanoseconds as `{"sec", "nsec"}`, 0 <= nsec < 10**9, clipped to what a reader takes (see `Moment`)."""
+    seconds, nanoseconds = divmod(min(max(time_ns, -MAX_TIME_S * NS_PER_S), MAX_TIME_S * NS_PER_S), NS_PER_S)
     return {"sec": seconds, "nsec": nanoseconds}
 
 
@@ -363,14 +364,19 @@ class Image:
 
 
 def json_bytes(document: dict[str, Any]) -> bytes:
-    """Encode a document, leaving out what is None."""
+    """Encode a document, leaving out what is None; a letter that UTF-8 does not have becomes a question mark."""
     present = {key: value for key, value in document.items() if value is not None}
-    return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(errors="replace")
 
 
 def time_or_none(time_ns: int | None) -> dict[str, int] | None:
     """Convert a time that may be unknown."""
     return None if time_ns is None else to_json(time_ns)
+
+
+def _captured_ns(frame: Frame) -> int:
+    """Clip a frame's time to what a reader takes; a wall clock that stands at 1970 gives an earlier one."""
+    return min(max(frame.captured_ns, 0), MAX_TIME_S * NS_PER_S)
 
 
 def picture_topic(frame: Frame) -> str:
@@ -382,7 +388,7 @@ def encode_image(frame: Frame) -> bytes:
     """Encode the picture as foxglove.CompressedImage, or as foxglove.CompressedVideo if it is one of a video."""
     kind = CompressedVideo if frame.format in VIDEO_FORMATS else CompressedImage
     message = kind(data=frame.encoded, format=frame.format, frame_id=FRAME_ID)
-    message.timestamp.seconds, message.timestamp.nanos = divmod(frame.captured_ns, NS_PER_S)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(_captured_ns(frame), NS_PER_S)
     return message.SerializeToString(deterministic=True)
 
 
@@ -407,7 +413,7 @@ def encode_frame(frame: Frame) -> bytes:
     return json_bytes(
         {
             "sequence": frame.sequence,
-            "captured": to_json(frame.captured_ns),
+            "captured": to_json(_captured_ns(frame)),
             "captured_sigma": time_or_none(frame.captured_sigma_ns),
             "times": host_times_to_json(frame.times),
             "exif": {name: value for name, value in exif.items() if value is not None},
@@ -504,8 +510,8 @@ def encode_status(status: CameraStatus, at: ClockReading) -> bytes:
     return json_bytes(
         {
             "clocks": reading_to_json(at),
-            "state": status.state,
-            "reason": status.reason,
+            "state": encodable(status.state),
+            "reason": encodable(status.reason),
             "dropped": status.dropped,
             "sequence": status.sequence,
             "camera_clock_offset": time_or_none(status.camera_clock_offset_ns),
@@ -534,6 +540,6 @@ def encode_health(health: Health, at: ClockReading) -> bytes:
 
 def encode_log(line: LogLine, at: ClockReading) -> bytes:
     """Encode a log line as foxglove.Log."""
-    message = Log(level=Log.Level.Value(line.level.name), message=line.message, name=line.name)
+    message = Log(level=Log.Level.Value(line.level.name), message=encodable(line.message), name=encodable(line.name))
     message.timestamp.seconds, message.timestamp.nanos = divmod(at.realtime_ns, NS_PER_S)
     return message.SerializeToString(deterministic=True)

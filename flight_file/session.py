@@ -42,6 +42,7 @@ from pathlib import Path
 
 from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import ClockReading
+from flight_file.untrusted import encodable
 
 SEGMENT_SUFFIX = ".mcap"
 UNPROVEN_SUFFIX = ".unproven"
@@ -258,7 +259,7 @@ def session_from_metadata(record: Mapping[str, str]) -> Session:
 def end_to_metadata(end: EndRecord) -> dict[str, str]:
     """Encode the `end` record."""
     items = {
-        "reason": end.reason,
+        "reason": encodable(end.reason),
         "frames": str(end.frames),
         "dropped": str(end.dropped),
         "ended_realtime_ns": str(end.ended.realtime_ns),

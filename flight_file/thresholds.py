@@ -2,7 +2,7 @@
 
 | name | value | unit | meaning | source |
 | --- | --- | --- | --- | --- |
-| MAX_READ_BYTES | 64 | MiB | largest file read whole | no panel picture is nearly as large |
+| MAX_READ_BYTES | 60 | MiB | largest file read whole, largest picture stored | its chunk has 4 MiB for all else |
 | BLOCK_BYTES | 1 | MiB | read at once of a larger one | bounds the memory |
 | MAX_SMALL_BYTES | 4 | KiB | a key, a signature, a summary record; a known head | each has a few hundred bytes |
 | MAX_NAME_BYTES | 120 | - | a file name from outside | file systems allow 255 |
@@ -31,7 +31,7 @@
 
 from __future__ import annotations
 
-MAX_READ_BYTES = 64 * 2**20
+MAX_READ_BYTES = 60 * 2**20
 BLOCK_BYTES = 2**20
 MAX_SMALL_BYTES = 4096
 MAX_NAME_BYTES = 120

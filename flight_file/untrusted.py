@@ -13,6 +13,7 @@ import json
 import os
 import re
 import stat
+import sys
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -24,6 +25,7 @@ import click
 from flight_file.thresholds import (
     MAX_NAME_BYTES,
     MAX_READ_BYTES,
+    MAX_SHOWN_CHARACTERS,
     MAX_YAML_BYTES,
 )
 
@@ -181,20 +183,42 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(each if each.isprintable() else _escaped(each) for each in text)
 
 
+def shown(text: str, *, most: int = MAX_SHOWN_CHARACTERS) -> str:
+    """Make a stranger's text a part of a sentence: `printable`, and cut off after so many characters."""
+    plain = printable(text[: most + 1])
+    return plain if len(plain) <= most else plain[:most] + "..."
+
+
+def encodable(text: str) -> str:
+    """Escape what UTF-8 has no bytes for, such as the other bytes in a file's name; all else stays, control or not."""
+    return text.encode(errors="backslashreplace").decode()
+
+
 def _escaped(character: str) -> str:
     code = ord(character)
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"  # noqa: PLR2004
 
 
 def say(*lines: str, err: bool = False) -> None:
-    """Print lines on the terminal, each of them `printable`."""
+    """Print lines on the terminal, each of them `printable`; raises ClickException where stdout cannot be written."""
     for line in lines:
-        click.echo(printable(line), err=err)
+        _echo(printable(line), err=err)
 
 
 def say_json(document: object) -> None:
-    """Print a document for a script, all in ASCII."""
-    click.echo(json.dumps(document, indent=2).replace("\x7f", "\\u007f"))
+    """Print a document for a script, all in ASCII; raises as `say`."""
+    _echo(json.dumps(document, indent=2).replace("\x7f", "\\u007f"))
+
+
+def _echo(text: str, *, err: bool = False) -> None:
+    try:
+        click.echo(text, err=err)
+    except OSError as error:
+        if err or error.errno == errno.EPIPE:  # a reader such as `head` has seen enough; click ends the program
+            raise
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - what Python still holds back would fail again at the end
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        raise click.ClickException(f"stdout cannot be written ({error.strerror}); send it elsewhere.") from error
 
 
 def to_cell(text: str) -> str:

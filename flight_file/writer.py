@@ -66,7 +66,7 @@ from flight_file.session import (
     start_of_segment,
 )
 from flight_file.signature import Signer, checkpoint, write_signature
-from flight_file.thresholds import CHUNK_BYTES, SYNC_BYTES, SYNC_NS
+from flight_file.thresholds import CHUNK_BYTES, MAX_READ_BYTES, SYNC_BYTES, SYNC_NS
 from flight_file.video.positions import encode_fix
 from flight_file.video.sound import encode_sound, sound_topic
 
@@ -260,10 +260,13 @@ class SegmentWriter:
         Parameters
         ----------
         frame
-            Its host times may be of another boot (a replayed flight): they are stored, not used.
+            Its host times may be of another boot (a replayed flight): they are stored, not used. One with an
+            `objection` would be a loss to every reader.
         at
             The recorder's clocks; a frame's log time follows the monotonic one and never goes back (see `LogClock`).
         """
+        if self._chunk_bytes + len(frame.encoded) > MAX_READ_BYTES:
+            self._close_chunk()
         self.unsynced += 1
         log_ns = self._log_clock.time_ns(at)
         publish_ns = storable(frame.captured_ns)

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from camera_drivers.camera import Camera
+from camera_drivers.camera import Camera, CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraUnusableError, ReplayError
 from camera_drivers.picamera.options import PicameraSettings
@@ -25,12 +25,13 @@ from camera_drivers.replay.video_clocks import Believed
 from camera_drivers.reporter import Reporter
 from camera_drivers.rtsp.options import RtspSettings
 from camera_drivers.uvc.options import UvcSettings
-from flight_file.frame import NS_PER_S, CameraStatus
+from flight_file.frame import NS_PER_S, CameraStatus, ClockReading
+from flight_file.untrusted import shown
 from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
 from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
-from recorder.supervision import BackOff, Heartbeats, Stop
+from recorder.supervision import LINE_CHARACTERS, BackOff, Heartbeats, Stop
 from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
 NO_MORE_PICTURES = "no more pictures"
@@ -134,7 +135,7 @@ class CameraReports:
     def report(self, status: CameraStatus) -> None:
         """Store the report in the flight."""
         self._heartbeats.camera()
-        self._queue.notify(Notice(status, self._clock.read()))
+        self._queue.notify(_notice(status, self._clock.read()))
 
     def lost(self, reason: str) -> None:
         """Count a drop with this reason."""
@@ -144,6 +145,14 @@ class CameraReports:
     def waiting(self, reason: str) -> None:  # noqa: ARG002 - the watchdog does not care why
         """Feed the watchdog, whatever the reason."""
         self._heartbeats.camera()
+
+
+def _notice(status: CameraStatus, at: ClockReading, identity: CameraIdentity | None = None) -> Notice:
+    """Make a notice whose texts are short and printable, whatever a camera says."""
+    plain = replace(status, state=shown(status.state), reason=shown(status.reason, most=LINE_CHARACTERS))
+    if identity is None:
+        return Notice(plain, at)
+    return Notice(plain, at, replace(identity, model=shown(identity.model), serial=shown(identity.serial)))
 
 
 class Capture(threading.Thread):
@@ -168,7 +177,7 @@ class Capture(threading.Thread):
         try:
             reason, crashed = self._capture(), False
         except CameraError as failure:
-            reason, error, crashed = f"camera failed: {failure}", failure, False
+            reason, error, crashed = shown(f"camera failed: {failure}", most=LINE_CHARACTERS), failure, False
         finally:
             self._queue.end(Ended(reason, self._wiring.clock.read(), error, crashed))
 
@@ -213,14 +222,14 @@ class Capture(threading.Thread):
         parts = [part for part in (identity.driver, identity.note) if part]
         again = f" (after {failures} failed {'attempt' if failures == 1 else 'attempts'})" if failures else ""
         status = CameraStatus("capturing", ": ".join(parts) + again)
-        self._queue.notify(Notice(status, self._wiring.clock.read(), identity))
+        self._queue.notify(_notice(status, self._wiring.clock.read(), identity))
         self._trouble = ""
 
     def _say_lost(self, failure: CameraError) -> None:
         # A camera that stays away for hours is reported once.
         if str(failure) != self._trouble:
             self._trouble = str(failure)
-            self._queue.notify(Notice(CameraStatus("lost", self._trouble), self._wiring.clock.read()))
+            self._queue.notify(_notice(CameraStatus("lost", self._trouble), self._wiring.clock.read()))
 
     def _rest(self, duration_ns: int) -> None:
         clock, stop = self._wiring.clock, self._stop_request.event

@@ -7,9 +7,9 @@ is a bug and keeps its traceback.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
-from typing import cast
+from typing import IO, cast
 
 import click
 
@@ -41,13 +41,22 @@ COMMANDS = {
 }
 
 
+class _Failure(click.ClickException):
+    """A failure whose exit code counts even where its sentence cannot be written."""
+
+    def show(self, file: IO[str] | None = None) -> None:
+        """Print the sentence on stderr."""
+        with suppress(OSError):
+            super().show(file)
+
+
 @contextmanager
 def failures_as_sentences() -> Iterator[None]:
     """Turn our own errors into click's, with their exit codes."""
     try:
         yield
     except tuple(kind for kind, _ in _EXIT_CODES) as error:
-        failure = click.ClickException(printable(str(error)))
+        failure = _Failure(printable(str(error)))
         failure.exit_code = next(  # type: ignore[misc]  # click reads it from the instance
             code for kind, code in _EXIT_CODES if isinstance(error, kind)
         )

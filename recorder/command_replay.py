@@ -22,7 +22,7 @@ from recorder.config import AttachSettings, RecorderConfig, StorageSettings
 from recorder.errors import ConfigurationError, FileNotWrittenError, ReplayNotPossibleError
 from recorder.host import Host, this_host
 from recorder.journal import Journal
-from recorder.run import record
+from recorder.run import Outcome, record
 from recorder.supervision import Stop, stop_on_signals
 
 _AS_IT_IS = ", and all of it as it is"
@@ -91,7 +91,7 @@ def replay_into(
                 raise ReplayNotPossibleError(f"{target}: {stop.reason}; nothing was written.")
             (path,) = outcome.paths
             session = open_flight([path]).session
-            losses = _losses(sources, session, outcome.stored)
+            losses = (*_losses(sources, session, outcome.stored), *_dropped(outcome))
             path.rename(target)
     except OSError as error:
         raise FileNotWrittenError(target, error) from error
@@ -111,6 +111,11 @@ def _losses(paths: Sequence[Path], session: Session, stored: int) -> tuple[str, 
     flight = open_flight(paths)
     deque(flight.frames(), maxlen=0)
     return tuple(loss.reason for loss in flight.losses)
+
+
+def _dropped(outcome: Outcome) -> Iterator[str]:
+    if outcome.dropped:
+        yield f"{outcome.dropped} of the pictures, which are larger than a flight file takes"
 
 
 def _cut_off(originals: Sequence[Original], stored: int) -> Iterator[str]:

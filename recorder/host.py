@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import platform
 import shutil
 import threading
@@ -26,6 +27,7 @@ from recorder.thresholds import CLOCK_JUMP_NS, CLOCK_SLEWING, CLOCKS_TOGETHER_NS
 _TRIES = 3
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LATEST_NS = 253_402_300_799 * 10**9  # the end of the year 9999, where datetime ends
+_STDERR = 2
 _M_ARENA_MAX = -8  # malloc.h of glibc
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _THERMAL_ZONES = Path("/sys/class/thermal")
@@ -187,6 +189,16 @@ def share_one_heap() -> None:
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
+def hold_standard_descriptors() -> None:
+    """Open those of stdin, stdout and stderr that are closed, on nothing; to be called before any file is opened.
+
+    Otherwise a flight file gets the number of stderr, and log lines and last words go into it.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        continue
+    os.close(descriptor)
+
+
 def _boot_id() -> str:
     try:
         return _BOOT_ID.read_text("ascii").strip()
@@ -202,14 +214,13 @@ def _free_bytes(path: Path) -> int | None:
 
 
 def _clock_state() -> str:
-    return "system, synchronized since the boot" if _SYNCHRONIZED.exists() else "system"
+    return "system, synchronized since the boot" if os.path.exists(_SYNCHRONIZED) else "system"  # noqa: PTH110 - never raises
 
 
 def _temperatures_c() -> dict[str, float]:
     found = {}
-    for zone in sorted(_THERMAL_ZONES.glob("thermal_zone*")):
-        try:
-            found[zone.name] = int((zone / "temp").read_text("ascii")) / 1000  # the kernel gives millidegrees
-        except (OSError, ValueError):
-            continue
+    with suppress(OSError):  # no such folder, or no file can be opened at the moment
+        for zone in sorted(each for each in _THERMAL_ZONES.iterdir() if each.name.startswith("thermal_zone")):
+            with suppress(OSError, ValueError):
+                found[zone.name] = int((zone / "temp").read_text("ascii")) / 1000  # the kernel gives millidegrees
     return found

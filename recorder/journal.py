@@ -6,31 +6,101 @@ Event names are snake_case, noun before verb; everything variable is in keys.
 from __future__ import annotations
 
 import json
-import sys
+import os
 import threading
 from collections import deque
 from collections.abc import MutableMapping
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 import structlog
 from structlog.typing import FilteringBoundLogger, Processor
 
 from flight_file.frame import LogLevel, LogLine
-from recorder.thresholds import WAITING_LINES
+from recorder.thresholds import TICK_S, WAITING_LINES
 
+_STDERR = 2  # not `sys.stderr`, which keeps what it could not write and fails with it again
 _LEVELS = {"warning": LogLevel.WARNING, "error": LogLevel.ERROR, "critical": LogLevel.FATAL}
+
+
+class PatientStream:
+    """A text stream onto a descriptor that may be full, broken or stuck: whoever writes to it neither waits nor fails.
+
+    A thread of its own writes, so that a reader who stopped reading holds up nobody else. What finds no room, and what
+    the system refuses, is counted.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._waiting: deque[bytes] = deque()  # the first is being written
+        self._unwritten = 0
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+
+    def write(self, text: str) -> None:
+        """Have it written as soon as the descriptor takes it."""
+        with self._changed:
+            if len(self._waiting) >= WAITING_LINES:
+                self._unwritten += 1
+                return
+            self._waiting.append(text.encode(errors="backslashreplace"))
+            self._changed.notify_all()
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._write_for_ever, name="log", daemon=True)
+                self._thread.start()
+
+    def flush(self) -> None:
+        """Do nothing: nobody waits."""
+
+    def settle(self, limit_s: float) -> None:
+        """Wait until all is written, at most so long; for the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._waiting, limit_s)
+
+    def take_unwritten(self) -> int:
+        """Return how many texts could not be written since the last call."""
+        with self._changed:
+            unwritten, self._unwritten = self._unwritten, 0
+            return unwritten
+
+    def _write_for_ever(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting)
+                text = self._waiting[0]
+            is_written = _write_all(self._descriptor, text)
+            with self._changed:
+                self._unwritten += not is_written
+                self._waiting.popleft()
+                self._changed.notify_all()
+
+
+def _write_all(descriptor: int, text: bytes) -> bool:
+    try:
+        while text:
+            text = text[os.write(descriptor, text) :]
+    except OSError:  # there is no other place to say so; it is counted, and the flight says it
+        return False
+    return True
 
 
 class Journal:
     """A logger, and the lines of it that wait to be stored in the flight. Each recording has its own.
 
-    All threads may use it.
+    All threads may use it, and none waits for it.
+
+    Parameters
+    ----------
+    stream
+        Where the lines go, if not to stderr; it must take them at once.
+    descriptor
+        What stands for stderr.
     """
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(self, stream: TextIO | None = None, *, descriptor: int = _STDERR) -> None:
         self._waiting: deque[LogLine] = deque()
         self._lost = 0
         self._lock = threading.Lock()
+        self._stderr = PatientStream(descriptor)
         processors: list[Processor] = [
             structlog.processors.add_log_level,
             self._keep,
@@ -38,20 +108,26 @@ class Journal:
             structlog.processors.JSONRenderer(),
         ]
         self.log: FilteringBoundLogger = structlog.wrap_logger(
-            structlog.PrintLogger(stream or sys.stderr),
+            structlog.WriteLogger(stream or cast("TextIO", self._stderr)),
             processors=processors,
             wrapper_class=structlog.make_filtering_bound_logger("info"),
         )
 
     def drain(self) -> list[LogLine]:
-        """Return the lines since the last call."""
+        """Return the lines since the last call, and how many others there were or never reached stderr."""
         with self._lock:
             lines = list(self._waiting)
             self._waiting.clear()
             if self._lost:
                 lines.append(LogLine(LogLevel.WARNING, f"log_lines_lost {self._lost}"))
                 self._lost = 0
-            return lines
+        if unwritten := self._stderr.take_unwritten():
+            lines.append(LogLine(LogLevel.WARNING, f"log_lines_unwritten {unwritten}"))
+        return lines
+
+    def settle(self) -> None:
+        """Give the last lines a moment to be written; for the end."""
+        self._stderr.settle(TICK_S)
 
     def _keep(self, _logger: object, level: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
         if level in _LEVELS:

@@ -28,7 +28,7 @@ from recorder.cli import failures_as_sentences
 from recorder.config import RecorderConfig, load_config
 from recorder.errors import RecorderError
 from recorder.frame_queue import Drops, Ended, FrameQueue
-from recorder.host import Host, share_one_heap, this_host
+from recorder.host import Host, hold_standard_descriptors, share_one_heap, this_host
 from recorder.housekeeping import Retention, Rules, Salvager, files_in_work, recovery_in_words
 from recorder.journal import Journal
 from recorder.plan import clock_name, configured_signer, gather_attachments, plan_recording, refuse_wrong_directory
@@ -214,12 +214,14 @@ def record(
         The camera's thread crashed; what it gave before is stored and the files are closed. Or a disk that hangs kept
         the recording from ending in time.
     """
-    run = _Run.of(
-        config, host, stop=stop or Stop(), journal=journal or Journal(), configuration=configuration, name=name
-    )
-    writing = run.started()
-    run.supervise(writing, service or ServiceManager())
-    return run.outcome(writing)
+    log = journal or Journal()
+    try:
+        run = _Run.of(config, host, stop=stop or Stop(), journal=log, configuration=configuration, name=name)
+        writing = run.started()
+        run.supervise(writing, service or ServiceManager())
+        return run.outcome(writing)
+    finally:
+        log.settle()
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,12 +322,13 @@ def run(config_path: Path) -> None:
 
     The finished segments are listed on stdout; the log goes to stderr as JSON lines.
     """
+    hold_standard_descriptors()
     share_one_heap()
     with failures_as_sentences():
         config, configuration = load_config(config_path)
         stop = Stop()
         stop_on_signals(stop)
-        faulthandler.enable()  # the watchdog's SIGABRT then leaves in the log where each thread hung
+        faulthandler.enable(2)  # the watchdog's SIGABRT then leaves in the log where each thread hung
         outcome = record(
             config,
             host=this_host(),

@@ -17,12 +17,14 @@ from contextlib import suppress
 
 from camera_drivers.clock import Clock
 from flight_file.frame import NS_PER_S
+from flight_file.untrusted import shown
 from recorder.errors import RecorderError
 from recorder.journal import Journal
 from recorder.thresholds import END_S, LOOK_S, SILENCE_S
 
 _ENDING = (signal.SIGTERM, signal.SIGINT)
 SOCKET_VARIABLE = "NOTIFY_SOCKET"
+LINE_CHARACTERS = 1000  # systemd takes 4096 bytes at once, and a character has up to four
 
 
 class Stop:
@@ -131,11 +133,16 @@ class ServiceManager:
         return cls(environment.get(SOCKET_VARIABLE, ""))
 
     def say(self, *lines: str) -> None:
-        """Send assignments such as `READY=1`; never waits, and a manager that does not listen is ignored."""
+        """Send assignments such as `READY=1`, each a datagram of its own and on one line, whatever is in it.
+
+        So no text can be taken for another assignment, and none that is refused takes another one along. It never
+        waits, and a manager that does not listen is ignored.
+        """
         if not self._address:
             return
-        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
-            sender.sendto("\n".join(lines).encode(), self._address)
+        for line in lines:
+            with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
+                sender.sendto(shown(line, most=LINE_CHARACTERS).encode(), self._address)
 
 
 class Supervision:

@@ -63,10 +63,13 @@ class Recording:
         self.rate_hz = 0.0
 
     def store(self, arrival: Arrival) -> None:
-        """Store a frame."""
+        """Store a frame, or count it as dropped if no reader would find it."""
         self._check_wall_clock(arrival.at)
-        self._store.put(arrival.frame, arrival.at)
-        self._arrivals_ns.append(arrival.at.monotonic_ns)
+        if objection := arrival.frame.objection:
+            self._drops.add(objection)
+        else:
+            self._store.put(arrival.frame, arrival.at)
+            self._arrivals_ns.append(arrival.at.monotonic_ns)
         self._report(arrival.at)
 
     def note(self, notice: Notice) -> None:

@@ -39,6 +39,7 @@ from flight_file.frame import JPEG, NS_PER_S, ClockReading
 from flight_file.thresholds import BLOCK_BYTES, MAX_SHOWN_CHARACTERS, MAX_SMALL_BYTES
 
 DRIVER = "picamera"
+_DIGITS = 18  # of a number of 64 bits, which libcamera's are
 SKIPPED = "the sensor's times show a picture that did not come"
 _NS_PER_US = 1000
 _USUAL_FRAME_NS = NS_PER_S // 30  # rpicam-vid's default, if nothing is configured
@@ -221,4 +222,4 @@ def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
 
 def _whole(said: Mapping[str, str], name: str) -> int | None:
     text = said.get(name, "").strip()
-    return int(text) if text.isascii() and text.isdigit() else None
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= _DIGITS else None

@@ -21,6 +21,7 @@ from camera_drivers.qx10.link import Link
 from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.remote_api import RemoteApi
 from camera_drivers.waiting import Waiter
+from flight_file.untrusted import shown
 
 DRIVER = "qx10"
 
@@ -84,4 +85,4 @@ def _application(api: RemoteApi) -> str:
     except CameraRefusedError:
         result = []
     words = " ".join(word for word in result if isinstance(word, str))
-    return f"{words} at {urlsplit(api.services['camera']).netloc}".strip()
+    return f"{shown(words)} at {shown(urlsplit(api.services['camera']).netloc)}".strip()

@@ -50,6 +50,7 @@ from camera_drivers.thresholds import (
 )
 from camera_drivers.waiting import Job, Waiter
 from flight_file.frame import NS_PER_S
+from flight_file.untrusted import shown
 
 _UPNP = "{urn:schemas-upnp-org:device-1-0}"
 _AV = "{urn:schemas-sony-com:av}"
@@ -95,7 +96,7 @@ def parse_description(xml: bytes, url: str) -> Description:
     try:
         root = fromstring(xml, forbid_dtd=True)
     except (ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise CameraNotFoundError(f"{url}: the answer is not XML ({error}); check camera.url.") from error
+        raise CameraNotFoundError(f"{url}: the answer is not XML ({shown(str(error))}); check camera.url.") from error
     services = {}
     for service in root.iter(f"{_AV}X_ScalarWebAPI_Service"):
         name, base = (
@@ -109,7 +110,8 @@ def parse_description(xml: bytes, url: str) -> Description:
     device = root.find(f"{_UPNP}device")
     if device is None:
         return Description("", "", services)
-    return Description(_text(device, f"{_UPNP}friendlyName"), _serial(_text(device, f"{_UPNP}UDN")), services)
+    name, serial = _text(device, f"{_UPNP}friendlyName"), _serial(_text(device, f"{_UPNP}UDN"))
+    return Description(shown(name), shown(serial), services)
 
 
 def _text(element: Element, tag: str) -> str:

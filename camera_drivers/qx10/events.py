@@ -22,6 +22,7 @@ from camera_drivers.qx10.remote_api import Code, RemoteApi
 from camera_drivers.thresholds import AGAIN_S, CLOSE_S, NEWS_REST_S, REMEMBERED_PICTURES
 from camera_drivers.waiting import Stopped
 from flight_file.frame import CameraStatus
+from flight_file.untrusted import shown
 
 EVENT_VERSION = "1.0"  # the camera has 1.1 too, which adds only the focus; a client that requested more failed
 IDLE = "IDLE"
@@ -89,7 +90,7 @@ def _items(answer: list[Any]) -> Iterator[dict[str, Any]]:
 def _merged(state: CameraState, item: dict[str, Any]) -> CameraState:
     match item:
         case {"type": "cameraStatus", "cameraStatus": str(status)}:
-            return replace(state, status=status)
+            return replace(state, status=shown(status))
         case {"type": "zoomInformation", "zoomPosition": int(position) | float(position)} if 0 <= position <= 100:  # noqa: PLR2004 - percent
             return replace(state, zoom_position=float(position))
         case {"type": "liveviewStatus", "liveviewStatus": bool(running)}:

@@ -30,6 +30,7 @@ from camera_drivers.waiting import Waiter
 
 CHUNK_BYTES = 64 * 1024
 BROKEN_OFF = "the connection was cut"
+_DIGITS = 18  # of a number of 64 bits
 TOO_LARGE = "the answer is larger than allowed"
 _HEADERS = {"Connection": "close", "Accept-Encoding": "identity", "User-Agent": "image-flight-recorder"}
 _FAILURES = (HTTPError, HTTPException, OSError, ValueError)  # the last: garbled headers
@@ -138,7 +139,8 @@ class Exchange:
 
     def _announced_bytes(self) -> int:
         length = "" if self._response is None else self._response.headers.get("Content-Length", "")
-        return int(length) if length.isascii() and length.isdigit() else 0
+        # So many digits are too many bytes whatever follows, and Python converts no number of thousands.
+        return int(length[:_DIGITS]) if length.isascii() and length.isdigit() else 0
 
     def _request(self, method: str, url: str, body: bytes | None) -> BaseHTTPResponse:
         parts = parse_url(url)

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from camera_drivers.qx10.addresses import BadUrlError, host_of
 from camera_drivers.settings import MAX_URL_CHARACTERS, Seconds, Settings, Words, one_line
+from flight_file.thresholds import MAX_READ_BYTES
 
 SSDP_ADDRESS = ("239.255.255.250", 1900)
 
@@ -57,7 +58,7 @@ class Qx10Limits(Settings):
     """From one end of the zoom to the other."""
     stall_s: Seconds = 10.0
     """Without a liveview picture."""
-    picture_mib: Annotated[int, Field(gt=0, le=256)] = 32
+    picture_mib: Annotated[int, Field(gt=0, le=MAX_READ_BYTES // 2**20)] = 32
     """The largest picture that is taken for one, MiB."""
 
     @property

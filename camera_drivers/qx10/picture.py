@@ -18,23 +18,29 @@ from PIL import Image
 from camera_drivers.clock import realtime_ns
 from camera_drivers.exif import read_exif
 from camera_drivers.jpeg import jpeg_end, jpeg_facts
+from flight_file.documents import picture_header
 from flight_file.frame import NS_PER_S, Exif, Frame, HostTimes
-from flight_file.thresholds import MAX_PIXELS
 
+_MOST_BUFFERED_BYTES = 2 * 3 * 4896 * 3672  # coefficients of this camera's largest pictures in colour: 103 MiB
 _SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, little of the memory needed
 
 
 def fault_of(jpeg: bytes) -> str:
-    """Describe what is wrong with a picture, in a few words; empty if it can be shown."""
-    facts = jpeg_facts(jpeg)
-    if facts.width_px is None or facts.height_px is None:
+    """Describe what is wrong with a picture, in a few words; empty if it can be shown.
+
+    It is decoded only as far as a reader of the flight would, and within the board's memory.
+    """
+    if jpeg_facts(jpeg).width_px is None:
         return "the picture is not a JPEG"
-    if facts.width_px * facts.height_px > MAX_PIXELS:
-        return "the picture is larger than any of this camera"
     # A picture may be followed by something else, such as a second, smaller picture.
-    if jpeg_end(jpeg) is None:
+    end = jpeg_end(jpeg)
+    if end is None:
         return "the picture is cut short"
-    return "" if _decodes(jpeg) else "the picture is damaged"
+    picture = jpeg[:end]
+    header = picture_header(picture)
+    if header is None or header.objection(len(picture)) or header.buffered_bytes > _MOST_BUFFERED_BYTES:
+        return "the picture is larger than any of this camera, or coded in another way"
+    return "" if _decodes(picture) else "the picture is damaged"
 
 
 def _decodes(jpeg: bytes) -> bool:
@@ -92,5 +98,5 @@ def middle_of_exposure(times: HostTimes, exif: Exif) -> tuple[int, int]:
     """Estimate mid-exposure by the monotonic clock, and its standard deviation, ns."""
     start_ns, end_ns = times.before_request.monotonic_ns, times.after_answer.monotonic_ns
     took_ns = end_ns - start_ns
-    exposure_ns = min(round((exif.exposure_s or 0.0) * NS_PER_S), took_ns)
+    exposure_ns = round(min((exif.exposure_s or 0.0) * NS_PER_S, took_ns))  # no infinite number can be rounded
     return (start_ns + end_ns) // 2, round((took_ns - exposure_ns) / math.sqrt(12))

@@ -18,6 +18,7 @@ from camera_drivers.thresholds import MAX_ANSWER_BYTES
 VERSION = "1.0"  # of every method but getEvent, which has 1.1 too
 
 _OK = 200
+_INT = 2**31 - 1  # the camera's own numbers have 32 bits
 
 
 class Code:
@@ -106,4 +107,4 @@ def _result(method: str, number: int, answer: Answer) -> list[Any]:
 def _code(document: object) -> int | None:
     error = document.get("error") if isinstance(document, dict) else None
     code = error[0] if isinstance(error, list) and error else None
-    return code if isinstance(code, int) and not isinstance(code, bool) else None
+    return code if isinstance(code, int) and not isinstance(code, bool) and abs(code) <= _INT else None

@@ -7,6 +7,7 @@ of their names and of the numbers in them.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -22,9 +23,10 @@ from camera_drivers.replay.chapters import counted
 from camera_drivers.replay.upcoming import Alongside, Upcoming
 from flight_file.documents import is_heif
 from flight_file.errors import FlightFileError
-from flight_file.frame import JPEG, NS_PER_S, Frame, HostTimes
+from flight_file.frame import JPEG, MAX_TIME_NS, NS_PER_S, Frame, HostTimes
 from flight_file.reader import open_flight
 from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.untrusted import open_regular, read_regular
 
 FLIGHT_SUFFIXES = (".mcap", ".mcap.part")
 _CONFIGURATION = "recorder.yaml"  # describes the recorder that made the flight, not this one
@@ -142,8 +144,15 @@ def _pictures(folder: Path) -> tuple[list[Path], int]:
 
 def _head(path: Path, size_bytes: int = 12) -> bytes:
     try:
-        with path.open("rb") as file:
+        with os.fdopen(open_regular(path), "rb") as file:
             return file.read(size_bytes)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_regular(path, limit_bytes=MAX_READ_BYTES)
     except OSError as error:
         raise _unreadable(path, error) from error
 
@@ -151,8 +160,9 @@ def _head(path: Path, size_bytes: int = 12) -> bytes:
 def _exif_time(path: Path) -> int | None:
     head = _head(path, _HEAD_BYTES)
     if picture_format(head) != JPEG:
-        head = _head(path, MAX_READ_BYTES)  # in PNG and WebP it may follow the picture
-    return exif_time_ns(read_exif(picture_facts(head).exif).datetime)
+        head = _read(path)  # in PNG and WebP it may follow the picture
+    time_ns = exif_time_ns(read_exif(picture_facts(head).exif).datetime)
+    return time_ns if time_ns is not None and 0 <= time_ns <= MAX_TIME_NS else None  # as a flight file takes it
 
 
 def _exif_times(paths: Sequence[Path]) -> list[int]:
@@ -176,10 +186,7 @@ def _paced_times(paths: Sequence[Path], rate_hz: float, clock: Clock) -> list[in
 
 def _take(path: Path, sequence: int, captured_ns: int, clock: Clock) -> Frame:
     before = clock.read()
-    try:
-        encoded = path.read_bytes()
-    except OSError as error:
-        raise _unreadable(path, error) from error
+    encoded = _read(path)
     after = clock.read()
     facts = picture_facts(encoded)
     return Frame(

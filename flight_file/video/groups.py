@@ -15,12 +15,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 from flight_file.frame import VIDEO_FORMATS, Frame, Group
-from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.thresholds import MAX_CHUNK_BYTES
 
 _START = b"\0\0\1"
 _SPS = {"h264": 7, "h265": 33}
 _CODED = {"h264": range(1, 6), "h265": range(32)}
-_MAX_GROUP_BYTES = 4 * MAX_READ_BYTES
+_MAX_GROUP_BYTES = 4 * MAX_CHUNK_BYTES
 _LOST = "a picture of the video that it depends on is lost"
 _ENDLESS = "the video has no key frame for too long; encode it again with ffmpeg -g 60"
 

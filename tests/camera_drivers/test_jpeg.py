@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 
 import pytest
@@ -76,6 +77,24 @@ def test_tags_are_read_and_what_is_no_value_is_none(
 ) -> None:
     """Focal length, exposure, aperture, ISO, and the time with its fraction and offset."""
     assert read_exif(jpeg_facts(make_jpeg(tags)).exif) == expected
+
+
+@pytest.mark.parametrize(
+    ("tag", "kind", "value", "expected"),
+    [
+        (0x829A, 12, struct.pack("<d", 2.5), Exif(exposure_s=2.5)),
+        (0x829A, 12, struct.pack("<d", 1e300), Exif()),
+        (0x829A, 12, struct.pack("<d", float("nan")), Exif()),
+        (0x8827, 16, struct.pack("<Q", 2**64 - 1), Exif()),
+    ],
+)
+def test_value_that_no_camera_has_is_none(tag: int, kind: int, value: bytes, expected: Exif) -> None:
+    """An exposure of ages or a sensitivity of twenty digits, in types that hold them: doubles and 64-bit integers."""
+    offset = 26
+    first = struct.pack("<2sHIHHHIII", b"II", 42, 8, 1, 0x8769, 4, 1, offset, 0)
+    own = struct.pack("<HHHIII", 1, tag, kind, 1, offset + 18, 0)
+
+    assert read_exif(b"Exif\0\0" + first + own + value) == expected
 
 
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from camera_drivers.replay.camera import ReplayCamera, open_source
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
 from flight_file.session import Session
+from flight_file.thresholds import MAX_READ_BYTES
 from recorder.host import SimulatedClock
 from tests.videos import played
 
@@ -78,7 +80,7 @@ def test_with_a_rate_pictures_follow_the_first(
     assert [frame.exif.focal_length_mm for frame in frames] == [9, 10, 100]
 
 
-@pytest.mark.parametrize("second", ["2018:05:04 12:00:00", "2018:05:04 11:00:00", None])
+@pytest.mark.parametrize("second", ["2018:05:04 12:00:00", "2018:05:04 11:00:00", "1950:05:04 11:00:00", None])
 def test_times_that_do_not_increase_ask_for_a_rate(
     tmp_path: Path, clock: SimulatedClock, make_jpeg: MakeJpeg, second: str | None
 ) -> None:
@@ -88,6 +90,17 @@ def test_times_that_do_not_increase_ask_for_a_rate(
 
     with pytest.raises(ReplayError, match=r"2\.jpg: .*; give rate_hz \(--rate\), the pictures per second\.$"):
         played(tmp_path, clock=clock)
+
+
+@pytest.mark.parametrize("size_bytes", [MAX_READ_BYTES + 1, 2**42])
+def test_picture_larger_than_a_flight_takes_is_one_sentence(
+    folder: Path, clock: SimulatedClock, size_bytes: int
+) -> None:
+    """Before it takes memory; a sparse file says that it has terabytes."""
+    os.truncate(folder / "a2.JPG", size_bytes)
+
+    with pytest.raises(ReplayError, match=r"a2\.JPG: the picture cannot be read \(it is larger than 60 MiB\)"):
+        played(folder, clock=clock)
 
 
 def test_damaged_picture_is_passed_on_and_a_vanished_one_is_one_sentence(folder: Path, clock: SimulatedClock) -> None:

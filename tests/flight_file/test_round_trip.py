@@ -17,10 +17,11 @@ from hypothesis import strategies as st
 from flight_file.errors import FlightNotWrittenError
 from flight_file.files import DurableFile
 from flight_file.flight_writer import FlightWriter, Plan
-from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes
-from flight_file.messages import STATUS_TOPIC, TOPICS, encode_status
+from flight_file.frame import CameraStatus, ClockReading, Exif, Frame, HostTimes, LogLevel, LogLine
+from flight_file.messages import MAX_TIME_S, STATUS_TOPIC, TOPICS, encode_log, encode_status, json_bytes
 from flight_file.reader import open_flight
-from flight_file.session import Session, first_value
+from flight_file.session import EndRecord, Session, end_to_metadata, first_value
+from flight_file.thresholds import MAX_READ_BYTES
 from flight_file.writer import SegmentWriter
 from tests.flight_file.flights import after, make_frame
 
@@ -49,6 +50,17 @@ def test_offset_of_the_cameras_clock_is_in_the_status() -> None:
     assert document["camera_clock_sigma"] == {"sec": 3, "nsec": 1}
     assert set(document) <= set(SCHEMA["properties"])
     assert set(json.loads(encode_status(CameraStatus("connected"), AT))) == {"clocks", "state", "reason", "dropped"}
+
+
+def test_text_without_bytes_is_written_all_the_same() -> None:
+    """The other bytes of a file's name in a reason, whether of a status, a log line or the end, cost no record."""
+    words = "the disk \udcff fails"
+    end = EndRecord(words, frames=0, dropped=0, ended=AT, chain="")
+
+    assert json.loads(encode_status(CameraStatus("lost", words), AT))["reason"] == "the disk \\udcff fails"
+    assert b"the disk \\udcff fails" in encode_log(LogLine(LogLevel.ERROR, words), AT)
+    assert end_to_metadata(end)["reason"] == "the disk \\udcff fails"
+    assert json_bytes({words: words}) == b'{"the disk ? fails":"the disk ? fails"}'
 
 
 @st.composite
@@ -85,6 +97,37 @@ def test_every_field_of_every_frame_comes_back(frames: list[Frame], data: st.Dat
 
         assert list(flight.frames()) == frames
         assert {loss.kind.value for loss in flight.losses} <= {"gap"}
+
+
+@pytest.mark.parametrize("time_ns", [-1, -(2**63), 2**63 - 1, 2**64])
+def test_time_that_no_reader_takes_costs_no_frame(tmp_path: Path, time_ns: int) -> None:
+    """A wall clock at the beginning of 1970 or after 2262 gives the nearest time that a flight file has."""
+    at = ClockReading(time_ns, time_ns)
+    wrong = replace(make_frame(1), captured_ns=time_ns, captured_sigma_ns=abs(time_ns), times=HostTimes(at, at, at))
+    writer = FlightWriter(Plan(tmp_path, Session("flight"), {}), status=CameraStatus("connected"), at=after(0))
+    writer.write_frame(make_frame(0), after(0))
+    writer.write_frame(wrong, after(1))
+    flight = open_flight(writer.finish("stopped", after(2)))
+    frame = list(flight.frames())[1]
+
+    assert flight.losses == []
+    assert frame.encoded == wrong.encoded
+    assert frame.captured_ns == (0 if time_ns < 0 else MAX_TIME_S * 10**9)
+
+
+def test_largest_picture_that_is_taken_comes_back(tmp_path: Path) -> None:
+    """Also after others that wait for their chunk; one byte more is objected to."""
+    small, large = make_frame(0, 60_000), replace(make_frame(1), encoded=bytes(MAX_READ_BYTES))
+    large = replace(large, sha256=hashlib.sha256(large.encoded).hexdigest())
+    writer = FlightWriter(Plan(tmp_path, Session("flight"), {}), status=CameraStatus("connected"), at=after(0))
+    for frame in (small, large):
+        writer.write_frame(frame, after(0))
+    flight = open_flight(writer.finish("stopped", after(1)))
+
+    assert [frame.sha256 for frame in flight.frames()] == [small.sha256, large.sha256]
+    assert flight.losses == []
+    assert large.objection == ""
+    assert replace(large, encoded=bytes(MAX_READ_BYTES + 1)).objection == "the picture is larger than 60 MiB"
 
 
 def test_session_and_attachments_come_back(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from flight_file.thresholds import MAX_NAME_BYTES
 from flight_file.untrusted import (
+    encodable,
     file_name,
     file_names,
     from_cell,
@@ -19,6 +20,7 @@ from flight_file.untrusted import (
     printable,
     read_beside,
     read_named_in,
+    shown,
     to_cell,
 )
 
@@ -80,6 +82,25 @@ def test_printed_text_moves_nothing(text: str) -> None:
     assert printable("\x1b[31mred\n\u202e\udcff\U000e0001") == "\\x1b[31mred\\x0a\\u202e\\udcff\\U000e0001"
 
 
+@given(text=any_text, repeated=st.sampled_from((1, 1, 100)))
+def test_shown_text_is_one_short_line(text: str, repeated: int) -> None:
+    """A stranger's text within a sentence is printable and short; a short plain one stays as it is."""
+    said = shown(text * repeated, most=20)
+
+    assert said.isprintable()
+    assert len(said) <= 20 + len("...")
+    assert said == text or text * repeated != text or not text.isprintable() or len(text) > 20
+    assert shown("two\nlines") == "two\\x0alines"
+    assert shown("a" * 500_000) == "a" * 120 + "..."
+
+
+@given(text=any_text)
+def test_encodable_text_has_bytes(text: str) -> None:
+    """Only what UTF-8 cannot encode is escaped."""
+    assert encodable(text).encode().decode() == encodable(encodable(text))
+    assert encodable("line\n\udcff ü") == "line\n\\udcff ü"
+
+
 @given(text=st.text() | st.sampled_from(["=cmd()", "'=x", "''-1", "-3", "@a", "+1", "\tx", "'"]))
 def test_cell_is_no_formula_and_comes_back(text: str) -> None:
     """No cell begins as a formula does; read again it is the text that it was."""
@@ -121,7 +142,7 @@ def test_file_in_the_folder_is_read(folder: Path, name: str, content: bytes) -> 
         ("..", "same folder"), (".", "same folder"), ("", "same folder"), ("a\0b", "same folder"),
         ("a\nb", "same folder"), ("\udcff", "same folder"), ("..\\secret", "same folder"),
         ("out.jpg", "link out"), ("zero", "link out"), ("fifo", "regular file"), ("below", "directory"),
-        ("large", "64 MiB"), ("loop", "symbolic links"), ("none.jpg", "No such file"), ("x" * 5000, "too long"),
+        ("large", "60 MiB"), ("loop", "symbolic links"), ("none.jpg", "No such file"), ("x" * 5000, "too long"),
     ],
 )  # fmt: skip
 def test_anything_else_is_refused_without_waiting(folder: Path, name: str, words: str) -> None:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +19,9 @@ import yaml
 
 from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file.reader import open_flight
-from tests.programs import begun, until
+from flight_file.thresholds import MAX_READ_BYTES
+from tests.flight_file.flights import make_frame, write_flight
+from tests.programs import RECORDER, begun, until
 from tests.recorder.helpers import WriteConfig, recorder
 
 
@@ -55,6 +62,77 @@ def test_ctrl_c_ends_the_recording_cleanly(write_config: WriteConfig) -> None:
     assert [frame.sequence for frame in frames] == list(range(len(frames)))
     assert flight.losses == []
     assert box.in_work() is None
+
+
+def _full() -> int:
+    return os.open("/dev/full", os.O_WRONLY)
+
+
+def _broken() -> int:
+    reading, writing = os.pipe()
+    os.close(reading)
+    return writing
+
+
+def _stuck() -> int:
+    """A pipe that nobody reads, with no room left; its other end stays open as long as this process."""
+    _, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    return writing
+
+
+@pytest.mark.parametrize("stderr", [_full, _broken, _stuck])
+def test_log_that_cannot_be_written_does_not_cost_the_recording(
+    write_config: WriteConfig, stderr: Callable[[], int]
+) -> None:
+    """All pictures are stored and the program succeeds, whether stderr is full, broken or stuck."""
+    descriptor = stderr()
+    command = [RECORDER, "run", "--config", str(write_config())]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=descriptor, text=True, timeout=PATIENCE_S, check=True)
+    os.close(descriptor)
+    (path,) = map(Path, done.stdout.splitlines())
+
+    assert len(list(open_flight([path]).frames())) == 40
+
+
+def test_output_that_cannot_be_written_is_one_sentence(write_config: WriteConfig) -> None:
+    """The list of segments finds no room; the recording is whole all the same."""
+    config = write_config()
+    command = [RECORDER, "run", "--config", str(config)]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    (path,) = config.parent.glob("flights/*.mcap")
+
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[2:] == [
+        "Error: stdout cannot be written (No space left on device); send it elsewhere."
+    ]
+    assert len(list(open_flight([path]).frames())) == 40
+
+
+def test_exit_code_does_not_depend_on_the_log(write_config: WriteConfig) -> None:
+    """A wrong configuration stays one (78) where the sentence about it cannot be written: systemd must not retry."""
+    command = [RECORDER, "run", "--config", str(write_config(storage={"segment_s": -1}))]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=full, check=False)
+
+    assert done.returncode == 78
+
+
+def test_closed_streams_are_not_taken_for_the_flight(write_config: WriteConfig) -> None:
+    """With stdin, stdout and stderr closed, no file of the recording gets their numbers and the log's lines."""
+    config = write_config()
+    closed = 'exec 0<&- 1>&- 2>&-; exec "$@"'
+    subprocess.run(["/bin/sh", "-c", closed, "sh", RECORDER, "run", "--config", str(config)], check=True)
+    (path,) = config.parent.glob("flights/*.mcap")
+    flight = open_flight([path])
+
+    assert len(list(flight.frames())) == 40
+    assert flight.losses == []
 
 
 def test_info_is_a_page_or_a_document(flight: list[Path]) -> None:
@@ -201,6 +279,17 @@ def test_what_a_flight_has_lost_is_said(pictures: Path, tmp_path: Path, command:
     assert done.returncode == 3
     assert "  lost: " in done.stderr
     assert 0 < count < 40
+
+
+@pytest.mark.slow
+def test_picture_that_a_flight_does_not_take_is_a_loss_of_its_replay(tmp_path: Path) -> None:
+    """Of a flight by another writer, in which it can still be read: it is counted, and the exit code is 3."""
+    frames = [make_frame(0), replace(make_frame(1), encoded=bytes(MAX_READ_BYTES + 1))]
+    digested = [replace(frame, sha256=hashlib.sha256(frame.encoded).hexdigest()) for frame in frames]
+    done = recorder("replay", *write_flight(tmp_path, digested), "-o", tmp_path / "new.mcap")
+
+    assert (done.returncode, done.stdout) == (3, f"{tmp_path / 'new.mcap'}: 1 pictures\n")
+    assert done.stderr == "  lost: 1 of the pictures, which are larger than a flight file takes\n"
 
 
 def test_other_pictures_are_not_replaced(pictures: Path, tmp_path: Path) -> None:

@@ -213,6 +213,10 @@ def write(path: Path, content: str | bytes) -> Path:
         (QX10 + "exposure_compensation: 7}\n" + STORAGE, "camera.exposure_compensation: "),
         (QX10 + "zoom: far}\n" + STORAGE, "camera.zoom"),
         (QX10 + "limits: {shot: 1}}\n" + STORAGE, "camera.limits.shot: there is no such setting"),
+        (
+            QX10 + "limits: {picture_mib: 61}}\n" + STORAGE,
+            "camera.limits.picture_mib: input should be less than or equal",
+        ),
         (QX10 + "limits: {call_s: 0}}\n" + STORAGE, "camera.limits.call_s: input should be greater than 0, got 0"),
         (CAMERA + STORAGE + "attach: {pannel: x}", "attach.pannel: there is no such setting"),
         (CAMERA + "storage: {directory: flights, keep_hours: .inf}", "keep_hours"),

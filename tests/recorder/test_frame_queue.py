@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import threading
+from contextlib import suppress
+from pathlib import Path
 
 from flight_file.frame import CameraStatus, ClockReading, Frame, HostTimes, LogLevel, LogLine
 from recorder.frame_queue import Arrival, Ended, FrameQueue, Notice
@@ -91,3 +94,34 @@ def test_warnings_and_up_are_kept_for_the_flight() -> None:
     for _ in range(WAITING_LINES + 5):
         journal.log.warning("again")
     assert [line.message for line in journal.drain()] == ["again"] * WAITING_LINES + ["log_lines_lost 5"]
+
+
+def test_lines_that_a_full_disk_refuses_are_counted_in_the_flight() -> None:
+    """They cost their writer nothing, and the next look at the log tells once how many there were."""
+    with Path("/dev/full").open("wb", buffering=0) as full:
+        journal = Journal(descriptor=full.fileno())
+        for _ in range(3):
+            journal.log.info("recording_started")
+        journal.settle()
+
+    assert journal.drain() == [LogLine(LogLevel.WARNING, "log_lines_unwritten 3")]
+    assert journal.drain() == []
+
+
+def test_log_that_nobody_reads_holds_up_nobody() -> None:
+    """A stuck pipe takes none of many lines: what waits is limited, the rest is counted, and it goes on when read."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    journal = Journal(descriptor=writing)
+    for number in range(WAITING_LINES + 5):
+        journal.log.info("again", number=number)
+    counted = journal.drain()
+    with os.fdopen(reading, encoding="utf-8") as reader:
+        first = next(line for line in reader if "again" in line)
+
+    assert counted == [LogLine(LogLevel.WARNING, "log_lines_unwritten 5")]
+    assert '"number": 0' in first

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import resource
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from flight_file.frame import ClockReading, LogClock
-from recorder.host import ReportingClock, SystemClock, WallClock, jump_in_words
+from recorder.host import ReportingClock, SystemClock, WallClock, jump_in_words, this_host
 from recorder.housekeeping import by_age
 from tests.recorder.helpers import ManualClock, StartDaemon
 
@@ -28,6 +30,21 @@ def test_system_clock_waits_and_is_interrupted() -> None:
 
     assert waited_ns >= 19_000_000
     assert abs(start.realtime_ns - time.time_ns()) < 60 * 10**9
+
+
+def test_health_of_a_machine_that_opens_no_more_files_is_not_known() -> None:
+    """Its reports go on without temperatures; what needs no file is still there."""
+    host = this_host()
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        known = host.temperatures_c(), host.free_bytes(Path("/")), host.clock_state()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+    assert known[0] == {}
+    assert known[1]
+    assert known[2].startswith("system")
 
 
 def test_driver_that_only_waits_can_be_heard() -> None:

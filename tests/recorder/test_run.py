@@ -15,6 +15,7 @@ from camera_drivers.errors import ReplayError
 from flight_file.errors import FlightNotWrittenError
 from flight_file.files import DurableFile
 from flight_file.reader import open_flight
+from flight_file.thresholds import MAX_READ_BYTES
 from recorder import writer_thread
 from recorder.config import RecorderConfig
 from recorder.errors import RecorderError
@@ -119,6 +120,18 @@ def test_drops_of_a_live_camera_are_counted_and_visible(
     assert end.dropped == outcome.dropped
     with outcome.paths[0].open("rb") as file:
         assert b"frames_dropped" in next(make_reader(file).iter_messages(topics=["/recorder/log"]))[2].data
+
+
+def test_picture_that_no_reader_would_find_is_dropped_and_counted(start_daemon: StartDaemon) -> None:
+    """Of a camera that sends more than a flight file takes; the pictures around it are stored."""
+    daemon = start_daemon()
+    for picture in (b"1", bytes(MAX_READ_BYTES + 1), b"2"):
+        daemon.feed(picture)
+    outcome = daemon.finish()
+
+    assert (outcome.stored, outcome.dropped) == (2, 1)
+    assert [frame.encoded for frame in daemon.frames()] == [b"1", b"2"]
+    assert daemon.events("frames_dropped")[-1]["by_reason"] == {"the picture is larger than 60 MiB": 1}
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")

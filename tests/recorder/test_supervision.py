@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import socket
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ import pytest
 
 from benchmarks.harm import FailingDisk
 from benchmarks.recorders import eventually
+from camera_drivers.errors import CameraError
 from recorder import supervision
 from recorder.supervision import ServiceManager
 from recorder.thresholds import SILENCE_S
@@ -74,6 +76,57 @@ def test_protocol(tmp_path: Path, name: str) -> None:
 
     assert heard
     assert listener.heard == ["READY=1", "STATUS=fine"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x\nMAINPID=1\nWATCHDOG=trigger", "\udcff", "L" * 600_000, "ü" * 600_000],
+    ids=["lines", "no UTF-8", "long", "long and wide"],
+)
+def test_no_text_is_taken_for_another_assignment_or_takes_one_along(tmp_path: Path, text: str) -> None:
+    """With line ends, with the other bytes of a file's name, or longer than a datagram: it is one line, perhaps cut."""
+    listener = Listener(str(tmp_path / "notify"))
+    ServiceManager(listener.address).say("WATCHDOG=1", f"STATUS={text}")
+    listener.hears("")
+    listener.close()
+
+    assert len(listener.heard) == 2
+    assert listener.heard[0] == "WATCHDOG=1"
+    assert listener.heard[1].startswith("STATUS=")
+
+
+def test_status_that_cannot_be_sent_does_not_starve_the_watchdog(start_daemon: StartDaemon, listener: Listener) -> None:
+    """A camera that says half a megabyte, and what systemd would obey: it is fed, and nothing else is told."""
+    daemon = start_daemon(address=listener.address)
+    daemon.camera.fail(CameraError("\udcff\nMAINPID=1\n" + "L" * 600_000))
+    daemon.feed(b"1")
+    listener.forget()
+    eventually(lambda: listener.hears("WATCHDOG=1"))
+    daemon.finish()
+    (lost,) = [entry for entry in daemon.messages("/camera/status") if entry["state"] == "lost"]
+
+    assert lost["reason"].startswith("\\udcff\\x0aMAINPID=1\\x0aLLL")
+    assert len(lost["reason"]) < 2000
+    assert {line.partition("=")[0] for line in listener.heard} <= {"READY", "WATCHDOG", "STATUS", "STOPPING"}
+
+
+def test_disk_whose_path_is_no_text_fails_and_comes_back(
+    start_daemon: StartDaemon, listener: Listener, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its name has bytes that are no UTF-8, and stands in the status, the log and the flight."""
+    monkeypatch.setattr(supervision, "SILENCE_S", 1e9)  # this clock runs ahead while the writer tries again
+    failing = FailingDisk(monkeypatch.setattr)
+    daemon = start_daemon(address=listener.address, storage={"directory": str(tmp_path / "\udcff")})
+    daemon.feed(b"1")
+    failing.error = errno.EIO
+    daemon.clock.advance(2 * 10**9)
+    daemon.flood(b"2")
+    eventually(lambda: listener.hears("STATUS=The disk fails"))
+    failing.error = 0
+    eventually(lambda: daemon.events("disk_back"))
+    daemon.finish()
+
+    assert [frame.encoded for frame in daemon.frames()] == [b"1", b"2"]
 
 
 def test_ready_at_once_fed_while_it_records_and_stopping(start_daemon: StartDaemon, listener: Listener) -> None:

@@ -94,6 +94,7 @@ def test_question_has_method_parameters_number_and_version() -> None:
         (500, b"<html>", 500),
         (503, b"", 503),
         (302, b"", 302),
+        (200, b'{"id":1,"error":[' + b"9" * 4000 + b"]}", 1),
     ],
 )
 def test_error_is_its_code(status: int, body: bytes, code: int) -> None:
@@ -137,6 +138,16 @@ def test_state_is_looked_up_by_type() -> None:
         assert events.pictures == ("http://10.0.0.1:60152/a.JPG",)
         assert events.ask(Told([None] * 35)) == state
         assert Events().ask(Told(UNKNOWN)) == CameraState()
+
+
+@pytest.mark.parametrize("text", ["x\nMAINPID=1", "\udcff", "L" * 600_000], ids=["lines", "no UTF-8", "long"])
+def test_status_of_any_text_is_short_and_printable(text: str) -> None:
+    """It stands in sentences of the log and of the flight."""
+    status = Events().ask(Told([{"type": "cameraStatus", "cameraStatus": text}])).status
+
+    assert status is not None
+    assert status.isprintable()
+    assert len(status) < 200
 
 
 @given(answer=st.lists(ITEMS, max_size=8))

@@ -95,6 +95,7 @@ HOSTILE: dict[str, Act] = {
     "silent": lambda connection: connection.recv(1),  # until the other side goes
     "gigabyte": send_a_gigabyte(),
     "redirect": send(b"HTTP/1.1 302 Found\r\nLocation: /silent\r\nContent-Length: 0\r\n\r\n"),
+    "digits": send(OK + b"Content-Length: " + b"9" * 5000 + b"\r\n\r\n"),
     "nest": send(OK + b"\r\n" + b"<a>" * 80_000),
 }
 LONG = Qx10Limits(search_s=120.0, call_s=60.0)
@@ -206,11 +207,17 @@ def test_description_says_who_and_where() -> None:
     assert description.services == {"camera": "http://10.0.0.1:10000/sony/camera"}
 
 
+def test_name_of_a_megabyte_is_cut() -> None:
+    """Who it is stands in each status of the box; no more of it than a sentence holds."""
+    assert len(parse_description(PAGE.replace("DSC-QX10", "B" * 900_000).encode(), LOCATION).name) < 200
+
+
 @pytest.mark.parametrize(
     "page",
     [
         b"",
         b"<html>not closed",
+        b"<a>&" + b"e" * 700_000 + b";</a>",
         b"\xff\xd8\xff",
         b"<root/>",
         PAGE.replace("camera</av", "other</av").encode(),
@@ -223,3 +230,4 @@ def test_page_that_is_no_description_is_one_sentence(page: bytes) -> None:
     with pytest.raises(CameraNotFoundError, match=r"^http://10.*check camera\.url\.$") as caught:
         parse_description(page, LOCATION)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500

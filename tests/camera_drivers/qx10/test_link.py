@@ -14,7 +14,7 @@ from camera_drivers.errors import CameraSilentError, CameraUnreachableError
 from camera_drivers.qx10.link import Answer, Exchange, Link
 from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.reporter import Reporter
-from camera_drivers.waiting import Stopped, Waiter
+from camera_drivers.waiting import Job, Stopped, Waiter
 from recorder.host import SystemClock
 from tests.camera_drivers.qx10.strangers import OK, Act, Strangers, drip, send, send_a_gigabyte
 
@@ -59,6 +59,7 @@ NO_ANSWERS: dict[str, tuple[Act, str]] = {
     "no chunk": (send(CHUNKED + b"zz\r\nabc"), BROKEN),
     "no last chunk": (send(CHUNKED + b"3\r\nabc\r\n"), BROKEN),
     "a gigabyte, as it is told": (send_a_gigabyte(b"Content-Length: 1073741824\r\n"), LARGE),
+    "a length of thousands of digits": (send(OK + b"Content-Length: " + b"9" * 5000 + b"\r\n\r\n"), LARGE),
     "a gigabyte, untold": (send_a_gigabyte(), LARGE),
     "a gigabyte in chunks": (send_a_gigabyte(b"Transfer-Encoding: chunked\r\n"), LARGE),
 }
@@ -111,6 +112,17 @@ def test_nobody_there_means_not_delivered(link: Link) -> None:
     """The one case where a call was certainly not carried out."""
     with pytest.raises(CameraUnreachableError, match="cannot be reached"):
         get(link, "http://127.0.0.1:9/")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_answer_that_crashes_the_driver_is_no_answer() -> None:
+    """A bug that a stranger found is the failure of one call, which is tried again, and not the recording's end."""
+    job = Job("test", lambda: 1 // 0)
+    job.start()
+    job.join()  # its traceback is out
+
+    with pytest.raises(CameraSilentError, match="crashed the driver"):
+        job.outcome()
 
 
 def test_stop_ends_a_call(strangers: Strangers, link: Link) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import struct
 import threading
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from camera_drivers.errors import CameraError
 from camera_drivers.qx10.camera import Qx10Camera
@@ -30,6 +32,14 @@ NOW = 1_800_000_000 * S
 SHOTS = st.lists(st.tuples(st.integers(1, 10**4 * S), st.integers(0, 3 * S), st.floats(0, 1)), min_size=1, max_size=20)
 
 
+def in_scans(*, more: int = 0, size_px: tuple[int, int] = (64, 48)) -> bytes:
+    """A progressive picture of nothing, with its last scan repeated."""
+    buffer = io.BytesIO()
+    Image.new("RGB", size_px, (90, 91, 92)).save(buffer, "JPEG", progressive=True, subsampling=0)
+    picture = buffer.getvalue()
+    return picture[:-2] + picture[picture.rindex(b"\xff\xda") : -2] * more + picture[-2:]
+
+
 @pytest.mark.parametrize(
     ("jpeg", "fault"),
     [
@@ -42,8 +52,15 @@ SHOTS = st.lists(st.tuples(st.integers(1, 10**4 * S), st.integers(0, 3 * S), st.
         (b"<html>", "the picture is not a JPEG"),
         (JPEG.replace(struct.pack(">HH", 480, 640), struct.pack(">HH", 60000, 60000)), "larger than any"),
         (JPEG.replace(b"\xff\xdb", b"\xff\xee"), "the picture is damaged"),
+        (in_scans(), ""),
+        (in_scans() + in_scans(), ""),
+        (in_scans(more=900), "coded in another way"),
+        (in_scans(size_px=(8000, 8000)), "larger than any"),
     ],
-    ids=["whole", "padded", "two", "half", "last byte", "empty", "page", "bomb", "no tables"],
+    ids=[
+        *("whole", "padded", "two", "half", "last byte", "empty", "page", "bomb", "no tables"),
+        *("progressive", "two progressive", "scans without end", "too large for the memory"),
+    ],
 )
 def test_fault_is_named(jpeg: bytes, fault: str) -> None:
     """What can be shown has none; what is cut, damaged, huge or something else has."""
@@ -65,6 +82,7 @@ def test_exposure_is_in_the_middle_as_uncertain_as_the_rest_is_long() -> None:
     assert middle_of_exposure(times(1, 3), Exif()) == (2 * S, round(2 * S / 12**0.5))
     assert middle_of_exposure(times(1, 3), Exif(exposure_s=1.0)) == (2 * S, round(1 * S / 12**0.5))
     assert middle_of_exposure(times(1, 3), Exif(exposure_s=30.0)) == (2 * S, 0)
+    assert middle_of_exposure(times(1, 3), Exif(exposure_s=1e300)) == (2 * S, 0)
 
 
 def test_wall_clock_that_jumps_does_not_stretch_the_exposure() -> None:
