@@ -1,9 +1,10 @@
 """The search for pivots that are drawn off where needles and cards turn, by up to a tenth of the dial's radius.
 
 Tilts give a pivot to hundredths of a pixel (`decoder.learning.pivots`), but only if the needles are found. Around a
-centre that is drawn too far off they are not, because a needle that has turned lies askew. Here needles are searched
-for askew, and one pivot must explain how askew they are in all frames. A card is unwrapped around many centres: around
-the right one all frames show the same card, only turned.
+centre that is drawn too far off they are not, because a needle that has turned lies askew. Here a dial is unwrapped
+around many centres, without knowing what its needles look like: around the right one the ridges of all that moves lie
+along radii, however many needles there are and wherever they are. Around a card's pivot all frames show the same card,
+only turned.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ import numpy as np
 
 from decoder.imaging.planes import Squeeze
 from decoder.imaging.sorting import median_of
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
-from decoder.matching.correlation import noise_between, sliding_sums, turned_correlation
+from decoder.matching.correlation import noise_between, turned_correlation
 from decoder.matching.needle_template import odd_rows
-from decoder.matching.thresholds import FAR_GAIN, FAR_PART, REACH_PART
-from decoder.panel.arrays import Floats, Mask, limited
+from decoder.matching.thresholds import FAR_GAIN, FAR_PART, MUCH_BETTER, REACH_PART
+from decoder.panel.arrays import Floats, limited
 from decoder.panel.scale import FULL_CIRCLE_DEG
-from decoder.registration.pivot import across
 from decoder.registration.thresholds import NOISE_LEVELS
 
 Vector = tuple[float, float]
@@ -34,7 +35,11 @@ Score = Callable[[Floats], Floats]
 
 # At this resolution a needle that is askew by a fiftieth of the radius still shows.
 ROW_DEG, COLUMNS = 1.0, 16
-CARD_ROW_DEG, CARD_COLUMNS = 1.0, 32
+CARD_COLUMNS = 32
+# A part of ridges that is of noise, lies beside axes and is left around any pivot.
+RIDGES_LEAVE = 0.25
+# Ridges are half as far apart as this, since hardly any needle is as wide.
+WIDEST_DEG = 12.0
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
@@ -50,23 +55,11 @@ BESIDE_DEG = 10.0
 ELSEWHERE = 3
 
 
-def needle_pivot(
-    grid: PolarGrid,
-    allowed: Mask,
-    cuts: Sequence[tuple[float, float]],
-    own: UnwrappedGauge,
-    strips: Sequence[UnwrappedGauge],
-) -> Vector | None:
-    """Search for the pivot of a gauge's needles.
+def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
+    """Search for the pivot of a gauge's needles: what moves in frames (R, C) lies along radii around it.
 
-    Parameters
-    ----------
-    allowed
-        (R,): the rows on which a needle's axis may lie.
-    cuts
-        For each needle, its angle in the panel picture, and how many degrees are cut around it.
-    own, strips
-        (R, C) each: the gauge in the panel picture, and in frames brought into its light.
+    A needle that hardly turns does not tell where along it the pivot is; it is then taken to be as far along it as it
+    is drawn.
 
     Returns
     -------
@@ -74,17 +67,72 @@ def needle_pivot(
     """
     if not strips:
         return None
-    dial = _CoarseDial.of(grid, allowed, own, strips)
-    banks = [bank for bank in (_bank(dial, at_deg, span) for at_deg, span in cuts) if bank is not None]
-    if not banks:
-        return None
+    radius_px = float(grid.radii_px[-1])
+    rings = _Rings.around_drawn(grid, _ridges(grid, strips), np.linspace(grid.inner_px, radius_px, COLUMNS))
+
+    def along(offset_px: Floats) -> float:
+        return _along_radii(rings.around(offset_px), rings.radii_px)
 
     def score(offsets_px: Floats) -> Floats:
-        explained: Floats = np.mean([bank.score(offsets_px) for bank in banks], axis=0)
-        return explained
+        return np.array([along(offset_px) for offset_px in offsets_px]) / (1.0 + RIDGES_LEAVE)
 
-    radius_px = float(grid.radii_px[-1])
-    return _best(score, radius_px, REACH_PART * radius_px)
+    found = _best(score, radius_px, REACH_PART * radius_px, most_left=MUCH_BETTER)
+    if found is None:
+        return None
+    told = _told(rings, np.array(found), 1.0 - along(np.array(found)))
+    (left,), (drawn,) = (1.0 - score(each[None]) for each in (told, np.zeros(2)))
+    if left > MUCH_BETTER * drawn or math.hypot(*told) < FAR_PART * radius_px:
+        return None
+    return float(told[0]), float(told[1])
+
+
+def _ridges(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> list[Floats]:
+    """(R, C) for some frames: the ridges of what moves, 1 where it is brighter than usual, -1 where darker.
+
+    A needle's ridge is its axis, however wide the needle is and however it tapers. A needle that was beside its place
+    by less than its width in most frames shows by a part of itself only: ridges near what has also been of the opposite
+    sign are left out.
+    """
+    seen = np.stack(_spread(strips, MOST_FRAMES))
+    fine = math.ceil(ROW_DEG / grid.step_deg), math.ceil(seen.shape[2] / COLUMNS)
+    moving = np.stack([np.asarray(cv2.blur(each, fine[::-1]), np.float32) for each in seen - median_of(seen)])
+    reach = 2 * round(WIDEST_DEG / 2 / grid.step_deg) + 1
+    near, around = np.ones((reach, 1), np.uint8), np.ones((2 * reach - 1, 1), np.uint8)
+    brightest, darkest = (cv2.dilate(np.maximum(each, 0.0), around) for each in (moving.max(0), -moving.min(0)))
+    least = max(HALF * HALF * float(np.median(np.abs(moving).max(axis=(1, 2)))), 3 * NOISE_LEVELS)
+    ridges = []
+    for each in moving:
+        height = np.abs(cv2.GaussianBlur(each, (1, reach), sigmaX=1.0, sigmaY=ROW_DEG / grid.step_deg))
+        opposite = np.where(each > 0.0, darkest, brightest)
+        is_ridge = (height >= cv2.dilate(height, near)) & (height > least) & (opposite < HALF * height)
+        thin = np.where(is_ridge, np.sign(each), 0.0).astype(np.float32)
+        blurred = cv2.GaussianBlur(thin, (1, reach), sigmaX=1.0, sigmaY=ROW_DEG / grid.step_deg)
+        ridges.append(np.asarray(blurred, np.float32))
+    return ridges
+
+
+def _along_radii(rings: Floats, radii_px: Floats) -> float:
+    """Return how well ridges (F, A, N) lie along radii: 1 if each circle shows the same, by Cauchy and Schwarz."""
+    along = np.square((rings * radii_px).sum(axis=2)).sum()
+    most = np.square((np.sqrt(np.square(rings).sum(axis=1)) * radii_px).sum(axis=1)).sum()
+    return float(along / max(most, np.finfo(np.float32).eps))
+
+
+def _told(rings: _Rings, offset_px: Floats, left: float) -> Floats:
+    """(2,): the part of an offset that ridges around it tell, of which the part `left` does not lie along radii.
+
+    Each ridge tells the offset across it. Along ridges of about one direction, what is left tells as much as they do.
+    """
+    seen = np.square(rings.around(offset_px)).sum(axis=0)
+    total = np.maximum(seen.sum(axis=1), np.finfo(np.float32).eps)
+    middle_px = (seen @ rings.radii_px) / total
+    told = (seen * np.square(rings.radii_px - middle_px[:, None])).sum(axis=1)  # a short ridge tells little
+    across_it = np.stack([-np.sin(rings.angles), np.cos(rings.angles)])
+    (least, most), axes = np.linalg.eigh((across_it * told) @ across_it.T)
+    if least > HALF * left * most:
+        return offset_px
+    surest: Floats = axes[:, 1] * (axes[:, 1] @ offset_px)
+    return surest
 
 
 def drawn_needles_deg(
@@ -92,11 +140,16 @@ def drawn_needles_deg(
 ) -> list[float | None]:
     """Find the angle at which the panel picture shows each needle, near where it is cut; None if it stays there.
 
-    The parameters are those of `needle_pivot`, for a gauge that is unwrapped around its pivot.
+    Parameters
+    ----------
+    cuts
+        For each needle, its angle in the panel picture, and how many degrees are cut around it.
+    own, strips
+        (R, C) each: the gauge in the panel picture, and in frames brought into its light, unwrapped around its pivot.
     """
     if not strips:
         return [None] * len(cuts)
-    dial = _CoarseDial.of(grid, np.ones(grid.rows, bool), own, strips)
+    dial = _CoarseDial.of(grid, own, strips)
     found = [_needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg)) for at_deg, span_deg in cuts]
     return [None if needle is None else dial.angle_deg(needle.axis) for needle in found]
 
@@ -129,7 +182,7 @@ def _most_margin_px(grid: PolarGrid) -> float:
 
 
 def card_rings(grid: PolarGrid, strips: Sequence[UnwrappedGauge], offset_px: Vector) -> Floats:
-    """(F, P, N): all of a card that frames (R, C) show around another centre, a row in `CARD_ROW_DEG`."""
+    """(F, P, N): all of a card that frames (R, C) show around another centre, a row in `ROW_DEG`."""
     return _Rings.of(grid, strips, 0.0).around(np.array(offset_px))
 
 
@@ -220,10 +273,16 @@ class _Rings:
     def of(cls, grid: PolarGrid, strips: Sequence[UnwrappedGauge], margin_px: float) -> Self:
         """Leave out a margin at either edge, so that all frames show all of the ring around a centre that near."""
         radii_px = np.linspace(grid.inner_px + margin_px, grid.radii_px[-1] - margin_px, CARD_COLUMNS)
-        spans = CARD_ROW_DEG / grid.step_deg, len(grid.radii_px) / CARD_COLUMNS
+        spans = ROW_DEG / grid.step_deg, len(grid.radii_px) / CARD_COLUMNS
         wide = [max(1, round(span / 2)) for span in spans]
-        blurred = [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips]
-        return cls(grid, blurred, np.radians(np.arange(0.0, FULL_CIRCLE_DEG, CARD_ROW_DEG)), radii_px)
+        return cls.around_drawn(
+            grid, [np.asarray(cv2.blur(strip, wide[::-1]), np.float32) for strip in strips], radii_px
+        )
+
+    @classmethod
+    def around_drawn(cls, grid: PolarGrid, blurred: Sequence[Floats], radii_px: Floats) -> Self:
+        """Sample all angles of pictures that are blurred already."""
+        return cls(grid, blurred, np.radians(np.arange(0.0, FULL_CIRCLE_DEG, ROW_DEG)), radii_px)
 
     def around(self, offset_px: Floats | Vector, squeeze: Squeeze = ROUND) -> Floats:
         """(F, A, N): frames around another centre, where circles appear squeezed, about the mean of each circle."""
@@ -248,95 +307,33 @@ def _alike(rings: Floats) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _CoarseDial:
-    """A gauge on coarse rows and columns.
-
-    `own` (R, C) is from the panel picture, `frames` (F, R, C) are the sample's, `moving` (F, R, C) is their difference
-    from the median.
-    """
+    """A gauge on coarse rows and columns: `own` (R, C) in the panel picture, `frames` (F, R, C) in the sample's."""
 
     own: Floats
     frames: Floats
-    moving: Floats
     step_deg: float
-    angles_deg: Floats
-    radii_px: Floats
-    radius_px: float
-    allowed: Mask
+    first_deg: float
     row_of: Callable[[float], float]
 
     @classmethod
-    def of(cls, grid: PolarGrid, allowed: Mask, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> Self:
+    def of(cls, grid: PolarGrid, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> Self:
         """Thin a gauge out; each sample is the mean of those around it."""
         outward = grid.columns - grid.tail_columns
         every = math.ceil(ROW_DEG / grid.step_deg), math.ceil(outward / COLUMNS)
         columns = grid.tail_columns + np.arange(every[1] // 2, outward, every[1])
         blurred = (cv2.blur(strip, every[::-1])[:: every[0], columns] for strip in (own, *_spread(strips, MOST_FRAMES)))
         drawn, *frames = (np.asarray(each, np.float32) for each in blurred)
-        seen = np.stack(frames)
         return cls(
             drawn,
-            seen,
-            seen - median_of(seen),
+            np.stack(frames),
             grid.step_deg * every[0],
-            grid.start_deg + grid.step_deg * every[0] * np.arange(len(drawn)),
-            grid.radii_px[columns],
-            float(grid.radii_px[-1]),
-            allowed[:: every[0]],
+            grid.start_deg,
             lambda angle_deg: row_of_angle(grid, angle_deg) / every[0],
         )
 
     def angle_deg(self, row: float) -> float:
         """Return the angle of a fractional row."""
-        return float(self.angles_deg[0]) + self.step_deg * row
-
-    def sheared(self, askew_px: float) -> Floats:
-        """(F, R, C): what moves, sheared so that a needle passing the pivot at this distance lies along a row."""
-        beside = np.arcsin(limited(askew_px / self.radii_px, -0.9, 0.9))
-        rows = np.rint(np.arange(len(self.own))[:, None] + np.degrees(beside) / self.step_deg).astype(np.intp)
-        sheared: Floats = self.moving[:, np.clip(rows, 0, len(self.own) - 1), np.arange(len(self.radii_px))]
-        return sheared
-
-
-@dataclass(frozen=True, slots=True)
-class _Bank:
-    """How well a needle matches F frames on each row, at each of several distances from the pivot: `scores` (F, S, R).
-
-    `at_deg` is where it stands in the panel picture; `askew_px` (S,) rises evenly.
-    """
-
-    at_deg: float
-    angles_deg: Floats
-    askew_px: Floats
-    scores: Floats
-
-    def score(self, offsets_px: Floats) -> Floats:
-        """(N,): the mean square of frames' best scores if the pivot lies at each of these offsets (N, 2)."""
-        askew_px = offsets_px @ (across(self.angles_deg) - across(np.array([self.at_deg]))).T
-        step = (askew_px - self.askew_px[0]) / (self.askew_px[1] - self.askew_px[0])
-        step = limited(step, 0.0, len(self.askew_px) - 1.001)
-        below, rows = step.astype(np.intp), np.arange(len(self.angles_deg))
-        part = step - below
-        found = []
-        for start, rest in zip(below, part, strict=True):
-            at = self.scores[:, start, rows] * (1 - rest) + self.scores[:, start + 1, rows] * rest
-            found.append(float(np.square(at.max(axis=1)).mean()))
-        return np.array(found)
-
-
-def _bank(dial: _CoarseDial, at_deg: float, span_deg: float) -> _Bank | None:
-    """Match one needle of the panel picture with all frames; None if it never leaves its place."""
-    needle = _needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg))
-    if needle is None:
-        return None
-    pixels = needle.pixels
-    steps = round(2 * REACH_PART / STEP_PART)
-    askew_px = STEP_PART * dial.radius_px * np.arange(-steps, steps + 1)
-    scores = np.zeros((len(dial.frames), len(askew_px), len(dial.own)), np.float32)
-    half = len(pixels) // 2
-    for index, askew in enumerate(askew_px):
-        scores[:, index, half : len(dial.own) - half] = _ncc(dial.sheared(askew), pixels)
-    scores[:, :, ~dial.allowed] = 0.0
-    return _Bank(float(dial.angles_deg[needle.middle]), dial.angles_deg, askew_px, np.maximum(scores, 0.0))
+        return self.first_deg + self.step_deg * row
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,20 +371,12 @@ def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> _DrawnNeedle | 
     return _DrawnNeedle(first + float(balance), first + middle, pixels)
 
 
-def _ncc(images: Floats, template: Floats) -> Floats:
-    """(F, R - H + 1): the NCC of images (F, R, C) with a template (H, C); noise alone scores low."""
-    one = np.ones((1, *template.shape), np.float32)
-    centred = template - template.mean()
-    covariance, total = sliding_sums(images, np.concatenate([centred[None], one]))
-    square = sliding_sums(images * images, one)[0]
-    variance = np.maximum(square - total * total / template.size, 0.0) + template.size * NOISE_LEVELS**2
-    energy = float(np.square(centred).sum()) + np.finfo(np.float32).eps
-    scores: Floats = covariance / np.sqrt(variance * energy)
-    return scores
-
-
-def _best(score: Score, radius_px: float, reach_px: float, *, near_part: float = FAR_PART) -> Vector | None:
+def _best(
+    score: Score, radius_px: float, reach_px: float, *, near_part: float = FAR_PART, most_left: float = FAR_GAIN
+) -> Vector | None:
     """Search for the offset that explains frames best; None if it is near, or none is clearly better than no offset.
+
+    A better one leaves at most the part `most_left` of what is unexplained.
 
     If two explain them equally well, as where a needle hardly turns, the nearer one is preferred.
     """
@@ -404,7 +393,7 @@ def _best(score: Score, radius_px: float, reach_px: float, *, near_part: float =
     steps = np.stack(np.meshgrid([-last_px, 0.0, last_px], [-last_px, 0.0, last_px]), axis=-1).reshape(-1, 2)
     likings = liked(start + steps)
     offset = start + _peak(steps, likings, last_px)
-    is_better = -float(likings.max()) < FAR_GAIN * (1.0 - drawn)
+    is_better = -float(likings.max()) < most_left * (1.0 - drawn)
     if not is_better or math.hypot(*offset) < near_part * radius_px:
         return None
     return float(offset[0]), float(offset[1])

@@ -78,6 +78,46 @@ def test_needle_turns_where_it_turns_however_its_centre_is_drawn(part: float, to
         assert reading.angle_deg == pytest.approx(angle_deg, abs=0.6)
 
 
+def two_hands(angles_deg: tuple[float, float], seed: int) -> Any:  # noqa: ANN401 - a picture
+    """A dial with two hands of one form, as an engine instrument of a twin has them."""
+
+    def what(canvas: Any) -> None:  # noqa: ANN401
+        canvas.dial(TICKS_DEG)
+        canvas.hand(Hand(level=170.0), angles_deg[0])
+        canvas.hand(Hand(), angles_deg[1])
+
+    return paint(what, seed=seed)
+
+
+@pytest.mark.parametrize(("part", "towards_deg"), [(0.05, 30.0), (0.1, 200.0)])
+def test_pivot_of_hands_that_look_alike_is_found(part: float, towards_deg: float) -> None:
+    """Each may be either, but what moves lies along radii around one point only."""
+    needles = [
+        {"name": "left", "template": {"at": 160.0, "span": 16}, "covered_by": "right"},
+        {"name": "right", "template": {"at": 330.0, "span": 16}},
+    ]
+    gauge = drawn_beside({**GAUGE, "needles": needles}, part, towards_deg)
+    turns_deg = [(260.0 + 130.0 * math.sin(0.9 * step), 270.0 + 130.0 * math.cos(0.7 * step)) for step in range(16)]
+    frames = [two_hands(angles_deg, 50 + seed) for seed, angles_deg in enumerate(turns_deg)]
+    fitted = fit_to_flight(reader_for([gauge], two_hands((160.0, 330.0), 1)), lambda _: frames)
+    towards = math.radians(towards_deg)
+
+    assert np.array(fitted.moved_px["speed"]) == pytest.approx(
+        -part * RADIUS_PX * np.array([math.cos(towards), math.sin(towards)]), abs=0.5
+    )
+
+
+@pytest.mark.parametrize("beside_deg", [0.0, 90.0, 225.0])
+def test_needle_that_hardly_turns_does_not_lead_its_centre_away(beside_deg: float) -> None:
+    """It tells too little of where it turns; the centre gets hardly worse than it was drawn."""
+    towards = math.radians(PANEL_DEG + beside_deg)
+    fitted = fitted_to(np.linspace(195.0, 205.0, 16), 0.06, math.degrees(towards))
+    missed_px = 0.06 * RADIUS_PX * np.array([math.cos(towards), math.sin(towards)])
+    left_px = missed_px + np.array(fitted.moved_px.get("speed", (0.0, 0.0)))
+
+    assert np.hypot(*left_px) < 0.08 * RADIUS_PX
+
+
 def test_centre_stays_where_no_needle_tells_another() -> None:
     """A needle that stands still, and one that turns about a correctly drawn centre, move nothing."""
     assert not fitted_to(np.full(16, PANEL_DEG), 0.08, 20.0).moved_px

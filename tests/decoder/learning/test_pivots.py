@@ -162,7 +162,7 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right() -> None:
 def test_pivot_that_was_not_found_is_told() -> None:
     """A gauge whose needles do not turn about the last round's pivot is named, and its needle is less certain."""
     reader = reader_moved(-1.6, 1.2)
-    found, not_found = (fit_to_flight(reader, lambda _: frames(), rounds=rounds) for rounds in (8, 2))
+    found, not_found = (fit_to_flight(reader, lambda _: frames(), rounds=rounds) for rounds in (8, 1))
     doubts_px = [fitted.uncertainties["speed_kt"].pivot.sigma_px for fitted in (found, not_found)]
 
     assert found.unsettled == found.findings["fuel"] == ()

@@ -52,7 +52,7 @@ from decoder.matching.correlation import (
     products,
     weighted_correlation,
 )
-from decoder.matching.pivot_search import CARD_ROW_DEG, card_pivot, card_rings, card_squeeze
+from decoder.matching.pivot_search import ROW_DEG, card_pivot, card_rings, card_squeeze
 from decoder.matching.strips import rows_between
 from decoder.matching.thresholds import FAR_PART, MAX_PEAK_ROWS
 from decoder.panel.arrays import Floats, Mask
@@ -290,7 +290,7 @@ def far_card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[f
     found = card_pivot(grid, strips)
     if found is None:
         return None
-    turns = common_turns(card_rings(grid, strips, found), round(RIVAL_REACH_DEG / CARD_ROW_DEG))
+    turns = common_turns(card_rings(grid, strips, found), round(RIVAL_REACH_DEG / ROW_DEG))
     return found if turns.clear.mean() >= HALF else None
 
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from decoder.imaging.planes import Squeeze
-from decoder.imaging.unwrapping import Grid, UnwrappedGauge, rows_in_sweep
+from decoder.imaging.unwrapping import Grid, UnwrappedGauge
 from decoder.instruments.appearance import (
     Appearance,
     DrawnInstrument,
@@ -93,8 +93,8 @@ class NeedleKind:
     def far_pivot(
         self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> tuple[float, float] | None:
-        gauge, grid = instrument.gauge, instrument.grid
-        return needle_pivot(grid, rows_in_sweep(gauge, grid), self._cuts(gauge), own, strips)
+        del own
+        return needle_pivot(instrument.grid, strips)
 
     def squeeze(self, _: Instrument, __: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
         del is_lost
