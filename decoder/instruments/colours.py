@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,32 +111,58 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask])
     seen
         The same in some frames.
     needles
-        As `needle_rows`: the one that luma shows least clearly counts, and no other may be less clear than it was;
-        without any, all that changes between frames.
+        As `needle_rows`: the one that luma shows least clearly counts, and no other may be less clear than it was; if
+        that is clear, so do the two that it tells apart least. Without any, all that changes between frames.
     """
     luma = _clearness(drawn, seen, needles, LUMA)
     told = {mixture: _clearness(drawn, seen, needles, mixture.parts) for mixture in mixtures()}
-    dimmest = int(np.argmin(luma))
-    least = max(luma[dimmest], CLEARLY_WORSE)
-    better = [each for each, clear in told.items() if clear[dimmest] > CLEARLY_WORSE * least and min(clear) > least]
-    return max(better, key=lambda mixture: min(told[mixture]), default=None)
+    count = len(needles) or 1
+    for part in (slice(0, count), slice(count, len(luma))):
+        dimmest = part.start + int(np.argmin(luma[part])) if luma[part] else 0
+        least = max(luma[dimmest], CLEARLY_WORSE)
+        better = [
+            each
+            for each, clear in told.items()
+            if clear[dimmest] > CLEARLY_WORSE * least and min(clear[:count] + clear[part]) > least
+        ]
+        if better:
+            return max(better, key=lambda mixture: min(told[mixture][:count] + told[mixture][part]))
+    return None
 
 
 def _clearness(
     drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]
 ) -> list[float]:
-    """Return the contrast of each needle, or of all that moves, against the usual dial, in sigmas of noise.
+    """Return the contrast of each needle against the usual dial, and of any two; or of all that moves.
 
-    Each colour has at least the noise of sensors and JPEGs, or more if the stillest part of the dial differs by more.
+    In sigmas of noise: each colour has at least that of sensors and JPEGs, or more if the stillest part of the dial
+    differs by more.
     """
     weights = parts.astype(np.float32)
     own = drawn @ weights
     views = [view for view in in_light_of(own, (each @ weights for each in seen)) if view is not None]
     if len(views) < MIN_VIEWS:
-        return [0.0] * max(len(needles), 1)
+        return [0.0] * (math.comb(len(needles) + 1, 2) or 1)
     usual = median_of(np.stack(views))
     left = np.stack(views) - usual
     spread = MAD_TO_SIGMA * float(np.quantile(np.median(np.abs(left), axis=0), STILL_PART))
     noise = float(np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts)))
-    moves = [np.mean((own - usual)[its] ** 2) for its in needles] or [np.mean(left**2)]
-    return [math.sqrt(float(each)) / noise for each in moves]
+    shown = [(own - usual)[its] for its in needles]
+    moves = [*shown, *(_difference(*both) for both in combinations(shown, 2))] or [left]
+    return [math.sqrt(float(np.mean(each**2))) / noise for each in moves]
+
+
+def _difference(one: Floats, other: Floats) -> Floats:
+    """(C,): subtract what two needles (R, C) show most clearly of themselves, at each distance from the centre.
+
+    Only rows close to their drawn axes count: another needle may be in those around.
+    """
+    first, second = (_clearest(each[len(each) // 4 : len(each) - len(each) // 4]) for each in (one, other))
+    difference: Floats = first - second
+    return difference
+
+
+def _clearest(shown: Floats) -> Floats:
+    """(C,): the value farthest from zero in each column (R, C)."""
+    clearest: Floats = np.take_along_axis(shown, np.abs(shown).argmax(axis=0)[None], axis=0)[0]
+    return clearest

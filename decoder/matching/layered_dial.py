@@ -159,6 +159,18 @@ class DialComparison:
         left: Floats = np.vecdot(off * self._shares, off)
         return left
 
+    def times_left(self, seen: Floats, drawn: Floats, levels: Floats) -> Floats:
+        """Return what drawings leave unexplained of what is seen, in times the squares of some levels in their light.
+
+        All are (F, N, C); the result is (F,).
+        """
+        off, limits = self._off(seen, drawn[:, None])
+        np.clip(off, -limits, limits, out=off)
+        added = np.clip(levels, -self._limit, self._limit).reshape(len(seen), -1) * (limits[:, 0] / self._limit)
+        squares = np.maximum(np.vecdot(added * self._shares, added), 1.0 / self._shares.size)
+        left: Floats = np.vecdot(off[:, 0] * self._shares, off[:, 0]) / squares
+        return left
+
     def times_worse(self, seen: Floats, drawn: Floats) -> Floats:
         """Return what others leave unexplained of what is seen, where they differ from the first: as a ratio.
 

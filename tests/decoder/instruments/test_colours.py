@@ -250,3 +250,47 @@ def test_mixture_says_what_it_is_and_never_leaves_the_levels(mixture: Mixture, w
         mixture.of(np.array([[[255 * (count > 0) for count in (mixture.red, mixture.green, mixture.blue)]]], np.uint8))
         == 255
     )
+
+
+CREAM: Colour = (214.0, 206.0, 184.0)
+BLACK: Colour = (40.0, 40.0, 40.0)
+MAROON: Colour = (108.0, 10.0, 16.0)  # as dark as the black: 40 levels of luma each
+
+
+def twins(black_deg: float, maroon_deg: float, seed: int) -> bytes:
+    """A JPEG of a dial with two hands of one form and one luma, the maroon one above."""
+
+    def plane(place: int) -> np.ndarray:
+        canvas = Canvas()
+        canvas.disc(CENTRE, 76.0, CREAM[place])
+        for mark_deg in range(120, 421, 25):
+            canvas.bar(mark_deg, (64.0, 73.0), (1.2, 1.2), 60.0)
+        canvas.hand(Hand(level=BLACK[place], tip=58.0), black_deg)
+        canvas.hand(Hand(level=MAROON[place], tip=58.0), maroon_deg)
+        return finished(canvas, noise=3.0, blur=0.7, quality=98, seed=3 * seed + place)
+
+    _, jpeg = cv2.imencode(".jpg", np.stack([plane(place) for place in (2, 1, 0)], axis=-1))
+    return jpeg.tobytes()
+
+
+def test_hands_that_differ_by_their_colour_only_are_read_where_it_tells_them_apart() -> None:
+    """In luma each matches where the other is, so that none would be read; they cross each other twice."""
+    needles = [
+        {"name": "left", "template": {"at": 200.0, "span": 16}, "covered_by": "right"},
+        {"name": "right", "template": {"at": 330.0, "span": 16}},
+    ]
+    gauge = {**GAUGES[0], "name": "manifold", "needles": needles}
+    truth = [(260.0 + 130.0 * math.sin(0.55 * frame), 265.0 + 120.0 * math.cos(0.35 * frame)) for frame in range(24)]
+    jpegs = [twins(*angles_deg, seed) for seed, angles_deg in enumerate(truth, start=1)]
+    fitted = fitted_of([gauge], twins(200.0, 330.0, 0), jpegs)
+
+    read = 0
+    for frame, angles_deg in zip(read_of(fitted, jpegs), truth, strict=True):
+        for name, angle_deg in zip(("left", "right"), angles_deg, strict=True):
+            reading = frame.readings[name]
+            read += reading.status is Status.READ
+            assert reading.status is Status.MISSING or apart(reading.angle_deg, angle_deg) < max(
+                1.0, 2.0 * reading.sigma_deg
+            )
+    assert fitted.findings["manifold"][0].startswith("read in red")
+    assert read > 36

@@ -239,6 +239,34 @@ def test_two_needles_of_one_form_are_never_taken_for_each_other(
     assert read >= least * 2 * len(pairs)
 
 
+@pytest.mark.parametrize("beside_deg", [0.0, 2.0], ids=["as drawn", "drawn beside its axis"])
+def test_needle_found_where_the_other_is_goes_back_to_its_own_place(beside_deg: float) -> None:
+    """Also if it is cut beside its axis, so that it does not lie exactly where it matched as the other."""
+
+    def draw(one_deg: float, other_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(0, 360, 30))
+            canvas.hand(Hand(level=150.0), other_deg)
+            canvas.hand(Hand(), one_deg)
+
+        return paint(what, seed=seed)
+
+    needles = [
+        {"name": "one", "template": {"at": 160.0, "span": 16}},
+        {"name": "other", "template": {"at": 330.0 + beside_deg, "span": 16}, "covered_by": "one"},
+    ]
+    gauge = {"name": "n1", "radius": [20, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 30]], "needles": needles}
+    reader = reader_for([gauge], draw(160.0, 330.0, 1))
+    read = 0
+    for seed, angles_deg in enumerate(np.random.default_rng(4).uniform(130, 410, (24, 2)), start=2):
+        readings = read_picture(reader, draw(*angles_deg.tolist(), seed)).readings
+        for name, angle_deg in zip(("one", "other"), angles_deg, strict=True):
+            read += readings[name].status is Status.READ
+            off_deg = apart(readings[name].angle_deg, angle_deg)
+            assert readings[name].status is not Status.READ or off_deg < beside_deg + 1.0
+    assert read > 36
+
+
 ALIKE = (
     Hand(tip=40.0, root_half=2.6, tip_half=1.0),
     Hand(tip=52.0, root_half=2.6, tip_half=1.0, tail=20.0),

@@ -14,7 +14,7 @@ from itertools import permutations
 
 import numpy as np
 
-from decoder.instruments.found import EDGE, MISSING, READ, Found, Needle
+from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.instruments.kinds.dials.pairs import TouchingPair
 from decoder.instruments.kinds.dials.stack import StackReader
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
@@ -258,25 +258,30 @@ class NeedleReader:
             one, other = (both.part((slice(None), column)) for column in (0, 1))
             # Where the lower needle matches better, the upper one is not there.
             alone = ~is_above[rest] & (below.status[rest] == READ) & (below.score[rest] > one.score)
+            alone &= ~(one.score >= LIKELY_SCORE)
             found.put((rest, upper), one.instead(alone, one.as_missing()))
             found.put((rest, lower), other.instead(alone, below.part(rest)))
 
     def _tell_apart(self, frames: Sequence[Samples], pair: int, peaks: Peaks, found: Found) -> None:
         """Resolve two needles that each match where the other is; one found alone may be either."""
         stack, both = self._stacks[pair], np.array(self._pairs[pair])
-        if not stack.has_alike:
-            return
         seen = np.isin(found.status[:, both], (READ, EDGE))
-        lone = (seen & np.isin(found.status[:, both[::-1]], (MISSING,))).T
-        alike = seen.all(axis=1)
+        is_missing, is_hidden = (np.isin(found.status[:, both[::-1]], (status,)) for status in (MISSING, HIDDEN))
+        hides = (seen & is_hidden).any(axis=1) & stack.has_alike
+        lone, alike = (seen & is_missing).T, seen.all(axis=1)
         for at, (one, other) in enumerate((both, both[::-1])):
             there = np.rint((np.nan_to_num(found.row[:, one]) - self._rows[one, 0]) / COARSE_STEP)
             there = limited(there, 0, peaks.scores.shape[2] - 1).astype(np.intp)[:, None]
-            own, its = (np.take_along_axis(peaks.scores[:, each], there, axis=1)[:, 0] for each in (one, other))
+            around = round(APART_DEG / self._needles[one].grid.step_deg) // COARSE_STEP  # it may be cut beside its axis
+            own, its = (
+                np.take_along_axis(_nearby_best(peaks.scores[:, each], around), there, axis=1)[:, 0]
+                for each in (one, other)
+            )
             alike &= its >= LIKELY_SCORE
             lone[at] &= 1.0 - np.maximum(its, 0.0) ** 2 <= CLEARLY_WORSE * (1.0 - np.maximum(own, 0.0) ** 2)
         index = self._needles[both[0]].gauge_index
-        for which, told in ((lone.any(axis=0), lambda strips, _: stack.read(strips)), (alike, stack.tell_apart)):
+        told_apart = (lone.any(axis=0), lambda strips, _: stack.read(strips)), (alike | hides, stack.tell_apart)
+        for which, told in told_apart:
             where = np.flatnonzero(which)
             if where.size:
                 strips = self._sampler.strips([frames[number] for number in where.tolist()], index)

@@ -32,6 +32,7 @@ from decoder.panel.scale import shortest
 from decoder.registration.thresholds import CLEAR_SCORE, LIKELY_SCORE, SCORE_THRESHOLD
 
 ROUNDS = 3
+SEEN = READ, EDGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,16 +82,15 @@ class StackReader:
         self._fitters = [WindowFitter([template], [first.grid.pixels_per_sample]) for template in self._templates]
         self._axes = [needle.axis for needle in needles]
         self._half_widths_rows = [needle.half_width_rows for needle in needles]
-        # Pairs of such similar shape that each matches where the other is.
-        self._alike = [
-            (one, other)
-            for one, other in combinations(range(len(needles)), 2)
-            if _likeness(self._templates[one], self._templates[other]) >= SCORE_THRESHOLD
-        ]
+        self._pairs = list(combinations(range(len(needles)), 2))
+        # Of such similar shape that each may match where the other is.
+        self._alike = {
+            both for both in self._pairs if _likeness(*(self._templates[own] for own in both)) >= LIKELY_SCORE
+        }
 
     @property
     def has_alike(self) -> bool:
-        """Whether some of its needles have the same shape."""
+        """Whether some of its needles have about the same shape."""
         return bool(self._alike)
 
     def read(self, strips: Floats) -> Found:
@@ -100,75 +100,117 @@ class StackReader:
             for index in self._order:
                 places[index] = self._placed(strips, index, places)
         doubtful = np.zeros((len(strips), len(self._templates)), bool)
-        if len(self._templates) > 2:  # noqa: PLR2004 - of two, where each matches was looked at before
+        if len(self._pairs) > 1 or self._alike:  # of two that differ, where each matches was looked at before
             places, doubtful = self._reconsidered(strips, places)
         drawn = self._drawn(strips, self._order[::-1], places)
         found = Found.missing((len(strips), len(self._templates)))
         for index in self._order:
             found.put((slice(None), index), self._found(strips, index, places, drawn))
         found.status[doubtful] = MISSING
-        for one, other in self._alike:
-            self._tell_apart(strips, (one, other), places, drawn, found)
+        before = found.status.copy()
+        for both in self._alike if len(self._pairs) > 1 else self._pairs:
+            self._tell_apart(strips, both, places, found, before)
         return found
 
     def tell_apart(self, strips: Floats, found: Found) -> Found:
-        """Check two needles found in F frames by other means, (F, 2): of one shape, they may be exchanged."""
+        """Check two needles found in F frames by other means, (F, 2): they may be exchanged, or one be the other."""
         found = found.part(np.arange(len(strips)))
-        if self._alike:
-            every, none = np.ones(len(strips)), np.full(len(strips), -1)
-            places = {
-                index: _Places(
-                    found.row[:, index], found.sigma_rows[:, index], every, every, 0 * every, none, 0 * every
-                )
-                for index in self._order
-            }
-            self._tell_apart(strips, self._alike[0], places, self._drawn(strips, self._order[::-1], places), found)
+        none, there = np.full(len(strips), -1), (~np.isin(found.status, (MISSING,))).astype(np.float64)
+        places = {
+            index: _Places(
+                np.nan_to_num(found.row[:, index]),
+                found.sigma_rows[:, index],
+                there[:, index],
+                np.ones(len(strips)),
+                np.zeros(len(strips)),
+                none,
+                np.zeros(len(strips)),
+            )
+            for index in self._order
+        }
+        self._tell_apart(strips, (0, 1), places, found, found.status.copy())
         return found
 
     def _tell_apart(
-        self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], drawn: Floats, found: Found
+        self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, before: Indices
     ) -> None:
-        """Exchange two needles of one shape if that explains clearly more; if neither order does, none is read.
+        """Exchange two needles if that explains clearly more; if neither order does, none is read.
 
-        Each alone matches in any light; only together do they show which is brighter. A needle found alone may be
-        either. If two touch, each is off by no more than their distance.
+        Each alone matches in any light; only together do they show which is brighter. If two touch, each is off by no
+        more than their distance. `before` (F, K) are the statuses before any were told apart.
         """
         one, other = both
-        seen = np.isin(found.status[:, both], (READ, EDGE))
-        lone = seen.any(axis=1) & np.isin(found.status[:, both], (MISSING,)).any(axis=1)
-        found.status[np.flatnonzero(lone)[:, None], both] = MISSING
+        self._doubt_lone(strips, both, places, found, before)
+        shows = np.isin(found.status[:, both], (READ, EDGE))
         rows = found.row[:, both]
         apart_rows = np.abs(shortest(rows[:, 0] - rows[:, 1], self._turn_rows))
-        open_ = np.flatnonzero(seen.all(axis=1))
+        open_ = np.flatnonzero(shows.all(axis=1))
         if not open_.size:
             return
-        turned = {index: _part(place, open_) for index, place in places.items()}
-        turned[one], turned[other] = (
-            replace(turned[index], row=rows[open_, at]) for index, at in ((one, 1), (other, 0))
-        )
-        instead = self._drawn(strips[open_], self._order[::-1], turned)
-        beside = np.zeros((len(open_), strips.shape[1]), bool)
+        seen = strips[open_]
+        as_found = {index: _part(place, open_) for index, place in places.items()}
+        for at, index in enumerate(both):
+            as_found[index] = replace(as_found[index], row=rows[open_, at], sigma_rows=found.sigma_rows[open_, index])
+        exchanged = {
+            **as_found,
+            one: replace(as_found[one], row=rows[open_, 1]),
+            other: replace(as_found[other], row=rows[open_, 0]),
+        }
+        for index in sorted(both, key=self._order.index):  # each matches slightly off where the other does
+            exchanged[index] = self._placed(seen, index, exchanged, near=exchanged[index].row)
+        near = np.zeros(seen.shape[:2], bool)
         for index in both:
-            middle = np.rint(found.row[open_, index]).astype(np.intp)[:, None]
-            beside |= np.abs(np.arange(strips.shape[1]) - middle) <= self._axes[index]
-        as_found, exchanged = (
-            np.array(
-                [
-                    1.0 - max(_correlation(picture[near], strips[at][near]), 0.0) ** 2
-                    for picture, near, at in zip(pictures, beside, open_, strict=True)
-                ]
-            )
-            for pictures in (drawn[open_], instead)
-        )
+            near |= np.abs(np.arange(seen.shape[1]) - np.rint(as_found[index].row)[:, None]) <= self._axes[index]
+        left, left_exchanged = (self._left_on(seen, near, places) for places in (as_found, exchanged))
         worse = CLEARLY_WORSE**2  # for each of them
-        swapped = open_[worse * exchanged < as_found]
-        unsure = open_[(worse * exchanged >= as_found) & (exchanged <= worse * as_found)]
-        for values in (found.status, found.row, found.sigma_rows, found.score):
-            values[swapped[:, None], both] = values[swapped[:, None], both[::-1]]
+        may_be = np.all([exchanged[index].is_likely for index in both], axis=0)
+        is_swapped = may_be & (worse * left_exchanged < left)
+        swapped = open_[is_swapped]
+        unsure = open_[may_be & ~is_swapped & (left_exchanged <= worse * left)]
+        for index in both:
+            own = _part(exchanged[index], np.flatnonzero(is_swapped))
+            matches = (own.score >= SCORE_THRESHOLD) & np.isfinite(own.sigma_rows)
+            status = np.where(matches, np.where(own.visible >= WHOLE_VISIBLE, READ, EDGE), MISSING)
+            found.put((swapped, index), Found(status, own.row, own.sigma_rows, own.score))
         apart = apart_rows > max(self._half_widths_rows[index] for index in both)
         found.status[unsure[apart[unsure], None], both] = MISSING
         touching = unsure[~apart[unsure], None]
         found.sigma_rows[touching, both] = np.hypot(found.sigma_rows[touching, both], apart_rows[touching])
+
+    def _doubt_lone(
+        self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, before: Indices
+    ) -> None:
+        """Mark two needles as missing of which one is found alone, and may be the other.
+
+        So it may if the other one there explains about as much, or clearly more if it is hidden; or, of two alike, if
+        as much as the other one adds to a dial is left unexplained anywhere on it.
+        """
+        for own, other in (both, both[::-1]):
+            lone = np.flatnonzero(np.isin(before[:, own], SEEN) & ~np.isin(before[:, other], SEEN))
+            if not lone.size:
+                continue
+            seen, row, absent = strips[lone], found.row[lone, own], np.zeros(len(lone))
+            as_found = {index: _part(place, lone) for index, place in places.items()}
+            as_found[own] = replace(as_found[own], row=row, score=absent + 1.0)
+            as_found[other] = replace(as_found[other], row=row, score=absent)
+            instead = {**as_found, own: replace(as_found[own], score=absent)}
+            instead[other] = self._placed(seen, other, instead, near=row)
+            near = np.abs(np.arange(seen.shape[1]) - np.rint(row)[:, None]) <= self._axes[own]
+            left, left_instead = (self._left_on(seen, near, each) for each in (as_found, instead))
+            worse = np.where(np.isin(before[lone, other], (MISSING,)), CLEARLY_WORSE**2, CLEARLY_WORSE**-2)
+            doubtful = instead[other].is_likely & (left_instead <= worse * left)
+            if both in self._alike:
+                drawn = self._drawn(seen, self._order[::-1], as_found)
+                alone = {other: replace(instead[other], row=row, score=absent + 1.0)}
+                adds = self._drawn(seen, [other], alone) - self._face
+                doubtful |= self._comparison.times_left(seen, drawn, adds) >= HALF
+            found.status[lone[doubtful][:, None], both] = MISSING
+
+    def _left_on(self, strips: Floats, rows: Mask, places: dict[int, _Places]) -> Floats:
+        """(F,): the part of what some rows (F, R) of the dial show that the needles there leave unexplained."""
+        drawn = self._drawn(strips, self._order[::-1], places)
+        pictures = zip(drawn, strips, rows, strict=True)
+        return np.array([1.0 - max(_correlation(one[own], other[own]), 0.0) ** 2 for one, other, own in pictures])
 
     def _reconsidered(self, strips: Floats, places: dict[int, _Places]) -> tuple[dict[int, _Places], Mask]:
         """Put needles in each other's places where one is left over and that explains the dial clearly better.
@@ -240,7 +282,7 @@ class StackReader:
         half_width = self._half_widths_rows[index]
         open_ = np.ones(scores.shape, bool)
         if near is not None:
-            open_ = np.abs(rows - near[:, None]) <= half_width
+            open_ = np.abs(shortest(rows - near[:, None], self._turn_rows)) <= max(half_width, COARSE_STEP / 2)
         if beyond is not None:
             open_ = np.abs(shortest(rows - beyond[:, None], self._turn_rows)) > half_width + MAX_PEAK_ROWS
         every, best = np.arange(len(strips)), np.where(open_, scores, -1.0).argmax(axis=1)
@@ -365,14 +407,12 @@ def _merged(which: Mask, these: _Places, those: _Places) -> _Places:
 
 
 def _likeness(one: NeedleTemplate, other: NeedleTemplate) -> float:
-    """Correlate the shapes of two needles, whatever their brightness."""
-    middles = ((len(each.transparency) - 1) // 2 for each in (one, other))
-    half = min((one.rows - 1) // 2, (other.rows - 1) // 2)
-    forms = [
-        1.0 - each.transparency[middle - half : middle + half + 1]
-        for each, middle in zip((one, other), middles, strict=True)
-    ]
-    return _correlation(*forms)
+    """Correlate the shapes of two needles where they match best, whatever their brightness."""
+    forms = [1.0 - each.transparency for each in sorted((one, other), key=lambda each: each.rows)]
+    half = len(forms[0]) // 4
+    middle = forms[0][half : len(forms[0]) - half]
+    shifts = range(len(forms[1]) - len(middle) + 1)
+    return max(_correlation(middle, forms[1][first : first + len(middle)]) for first in shifts)
 
 
 def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
