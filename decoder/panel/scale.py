@@ -127,8 +127,9 @@ class Scale:
         """(N,): how far values may lie beside the straight lines between marks, as degrees, if the scale is a curve.
 
         A logarithmic scale's degrees are worth more from mark to mark, and so between marks. A change at one mark only
-        is taken as a kink between two straight parts, and so are changes to and fro as errors of drawing. Nothing tells
-        how a curve goes on beyond the outermost marks; it is followed for as far again as they are from the next.
+        is taken as a kink between two straight parts, and so are changes to and fro as errors of drawing. A scale that
+        grows both ways from a mark, as of a vertical speed, goes on as it does further out. Nothing tells how a curve
+        goes on beyond the outermost marks; it is followed for as far again as they are from the next.
         """
         if len(self.values) <= 3:  # noqa: PLR2004 - one change
             return np.zeros_like(angles_deg)
@@ -136,7 +137,10 @@ class Scale:
         growth = 2.0 * np.diff(np.log(np.abs(self._slopes))) / (steps_deg[1:] + steps_deg[:-1])  # at inner marks
         both = np.minimum(np.abs(growth[1:]), np.abs(growth[:-1]))
         both = np.where(np.sign(growth[1:]) == np.sign(growth[:-1]), np.sign(growth[1:]) * both, 0.0)
-        grown = (np.concatenate([both[:1], both, both[-1:]]) * steps_deg)[part]
+        mirrored = both[:-3] * both[3:] < 0.0
+        bent = np.concatenate([both[:1], both, both[-1:]])
+        bent[2:-3][mirrored], bent[3:-2][mirrored] = both[:-3][mirrored], both[3:][mirrored]
+        grown = (bent * steps_deg)[part]
         way = np.clip((angles_deg - self.angles_deg[part]) / steps_deg[part], -1.0, 2.0)
         curved = np.divide(np.expm1(grown * way), np.expm1(grown), out=way.copy(), where=grown != 0.0)
         bends: Floats = np.abs(curved - way) * steps_deg[part]

@@ -280,6 +280,23 @@ def test_a_scale_that_is_a_curve_is_doubted_between_its_marks() -> None:
     assert sure == pytest.approx(0.1)
 
 
+def test_a_scale_that_grows_both_ways_from_its_middle_is_doubted_beside_it() -> None:
+    """As a vertical speed's: its slope hardly changes at 0, but on both sides of it."""
+    marks_deg = np.array([-170.0, -127.0, -89.0, -59.0, 0.0, 57.0, 90.0, 128.0, 171.0])
+    at_deg = np.linspace(-170.0, 170.0, 171)
+
+    def values_at(angles_deg: Floats) -> Floats:
+        values: Floats = np.sign(angles_deg) * np.expm1(np.abs(angles_deg) / 70.0)
+        return values
+
+    scale = Scale.of(list(zip(marks_deg, values_at(marks_deg), strict=True)))
+    doubted = _drawn_sigma_deg(QuantityUncertainty(0.1, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 20.0, scale), at_deg)
+    off_deg = np.abs(scale.values_at(at_deg) - values_at(at_deg)) / scale.slopes_at(at_deg)
+
+    assert off_deg[np.abs(at_deg) < 50.0].max() > 5.0
+    assert (off_deg <= CONFIDENCE_SIGMAS * doubted).all()
+
+
 def test_a_horizon_is_doubted_by_how_uneven_its_marks_of_bank_are() -> None:
     """They show how far from its middle the dial is drawn, and pitch is measured from there."""
     drawn = panel_from_file(FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml")
