@@ -22,7 +22,7 @@ import os
 import queue
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -230,7 +230,14 @@ class Retention:
             segments = self._index.take(self._directory)
         except OSError:
             return False  # a disk that is gone needs no room; the writer reports it
-        deleted = self._delete_oldest(segments, disk_is_full=disk_is_full)
+        try:
+            marked = marked_names(self._directory)
+        except OSError as error:
+            if self._is_new("marks_unknown"):
+                self._journal.log.warning("marks_unknown", directory=str(self._directory), reason=error.strerror)
+            return False
+        self._said.discard("marks_unknown")
+        deleted = self._delete_oldest(segments, marked, disk_is_full=disk_is_full)
         self._index.say_unreadable()
         return deleted
 
@@ -250,12 +257,11 @@ class Retention:
         self._said.add(what)
         return is_new
 
-    def _delete_oldest(self, segments: Sequence[str], *, disk_is_full: bool) -> bool:
+    def _delete_oldest(self, segments: Sequence[str], marked: Container[str], *, disk_is_full: bool) -> bool:
         span_ns = self._index.span_ns
         too_old = 0 if self._rules.max_ns is None else len(older_than(segments, self._rules.max_ns, span_ns))
         wanted, deleted = disk_is_full, False
         refused: dict[str, OSError] = {}
-        marked = marked_names(self._directory)
         for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
             if name.removesuffix(PART_SUFFIX) in marked:
                 continue
@@ -285,7 +291,11 @@ class Retention:
         # The segment first: a signature without its file is a missing segment, a file without its signature a suspect.
         path.unlink(missing_ok=True)
         self._journal.log.info("segment_deleted", path=str(path))
-        signature_path(path).unlink(missing_ok=True)
+        signature = signature_path(path)
+        try:
+            signature.unlink(missing_ok=True)
+        except OSError as error:  # the room was made; as a failure this would cost one segment more
+            self._journal.log.warning("signature_not_deleted", path=str(signature), reason=error.strerror)
         return True
 
     def _delete_in_work(self, path: Path) -> bool:

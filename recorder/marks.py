@@ -17,6 +17,7 @@ before the recorder came.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -37,6 +38,7 @@ from recorder.thresholds import MARK_BYTES
 
 MARK_SUFFIX = ".keep"
 MARKS_FOLDER = "marks"
+_NO_FOLDER = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)  # what opening says where there is none
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may remove another's
 _MODE = 0o660  # the recorder and the whole operators' group may read a mark and add to it
@@ -73,12 +75,15 @@ def is_marked(segment: Path) -> bool:
 
 
 def marked_names(directory: Path) -> set[str]:
-    """Return the names of the marked segments in a directory."""
-    names: list[str] = []
-    with suppress(OSError), os.scandir(directory) as entries:
-        names += (entry.name for entry in entries)
-    with suppress(OSError), _opened_folder(directory) as folder, os.scandir(folder) as entries:
-        names += (entry.name for entry in entries)
+    """Return the names of the marked segments in a directory; raises OSError where it is unknown which they are."""
+    with os.scandir(directory) as entries:
+        names = [entry.name for entry in entries]
+    try:
+        with _opened_folder(directory) as folder, os.scandir(folder) as entries:
+            names += (entry.name for entry in entries)
+    except OSError as error:
+        if error.errno not in _NO_FOLDER:
+            raise
     return {name.removesuffix(MARK_SUFFIX) for name in names if name.endswith(MARK_SUFFIX)}
 
 

@@ -23,8 +23,9 @@ from flight_file.errors import NothingToRecoverError
 from flight_file.files import claimed
 from flight_file.reader import open_flight
 from flight_file.records import DamagedRecordError
+from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded
-from recorder import housekeeping
+from recorder import housekeeping, marks
 from recorder import run as run_module
 from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
@@ -157,6 +158,18 @@ def test_segment_that_cannot_be_deleted_is_passed_over(tmp_path: Path, undeletab
     assert [line["names"] for line in events if line["event"] == "segments_not_deleted"] == [[disk.path(0).name]]
 
 
+def test_signature_that_cannot_be_deleted_costs_no_other_segment(tmp_path: Path) -> None:
+    """A folder has its name: the segment is gone, which is what was wanted, and the log says what is left."""
+    disk = SmallDisk(tmp_path, 4)
+    for number in range(4):
+        signature_path(disk.path(number)).mkdir()
+    assert disk.retention.make_room(disk_is_full=True)
+
+    assert disk.left() == [1, 2, 3]
+    events = [json.loads(line) for line in disk.log.getvalue().splitlines()]
+    assert [line["event"] for line in events] == ["segment_deleted", "signature_not_deleted"]
+
+
 @pytest.mark.parametrize(("number", "tries"), [(errno.EROFS, 1), (errno.EIO, 1), (errno.EPERM, 4)])
 def test_disk_that_refuses_all_deletions_is_asked_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, tries: int
@@ -188,6 +201,32 @@ def test_marks_that_are_no_folder_are_said_once(tmp_path: Path) -> None:
 
     assert [line["event"] for line in said] == ["marks_unusable", "marks_strange"]
     assert (said[0]["reason"], said[1]["names"]) == ("Not a directory", ["sub"])
+
+
+def test_nothing_is_deleted_while_marks_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Too many files are open: that does not mean that nothing is marked. It is said once each time it begins."""
+    disk, mark = SmallDisk(tmp_path, 3), tmp_path / "marks" / "20180504T120000Z_0000.mcap.keep"
+    mark.parent.mkdir()
+    mark.touch()
+
+    def refuse(_path: Path, _flags: int) -> int:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    for _ in range(2):
+        with monkeypatch.context() as patched:
+            patched.setattr(marks.os, "open", refuse)
+            assert [disk.retention.make_room(disk_is_full=True) for _ in range(2)] == [False, False]
+        assert disk.retention.make_room(disk_is_full=True)
+
+    assert disk.left() == [0]
+    said = [json.loads(line) for line in disk.log.getvalue().splitlines()]
+    assert [line["event"] for line in said] == [
+        "marks_unusable",
+        "marks_unknown",
+        "segment_deleted",
+        "marks_unknown",
+        "segment_deleted",
+    ]
 
 
 def test_waiting_without_a_camera_does_not_age_a_flight() -> None:
