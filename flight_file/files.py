@@ -23,7 +23,8 @@ from flight_file.untrusted import open_regular
 
 FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
 _OWN_MODE = 0o600
-_NOT_OURS = (errno.ENOENT, errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENOTDIR)  # what opening such a name says
+# What opening a name says that leads to another's file, or to none.
+_NOT_OURS = (errno.ENOENT, errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENOTDIR, errno.EACCES, errno.EPERM)
 _ADVICE = {
     errno.EPERM: "check who may write there",
     errno.EACCES: "check who may write there",

@@ -389,7 +389,7 @@ class Salvager(threading.Thread):
     def _try_postponed(self) -> None:
         postponed, self._postponed = self._postponed, []
         for path in postponed:
-            if path.exists():  # or else it was deleted to make room
+            if os.path.lexists(path):  # or else it was deleted to make room
                 self._salvage(path)
 
     def _salvage(self, path: Path) -> None:

@@ -363,7 +363,7 @@ class SegmentStore:
             self._bring_back(file, remains.frames)
         elif file.cut():
             self._left.append(file.path)
-        elif file.has_moved or file.path.with_suffix("").exists():
+        elif file.has_moved or os.path.lexists(file.path.with_suffix("")):
             # The disk that it is on, or whoever finished it, still has its frames.
             self._journal.log.warning("segment_out_of_reach", path=str(file.path), frames=remains.frames)
         else:

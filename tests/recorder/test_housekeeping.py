@@ -476,3 +476,28 @@ def test_what_cannot_be_salvaged_is_said_and_tried_again_when_there_is_room(
     assert reasons[0] == "there is no room for it now"
     assert "nothing that was recorded" in reasons[1]
     assert reasons[2] == "No such file or directory"
+
+
+def test_disk_that_does_not_say_what_is_there_ends_no_salvage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that waits for room on a failing disk is named in the log, and the next one is tried."""
+    monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
+    waits, next_one = tmp_path / "R_0000.mcap.part", tmp_path / "R_0001.mcap.part"
+    for path in (waits, next_one):
+        path.write_bytes(bytes(100))
+    stat, free = Path.stat, [0]
+
+    def fail(path: Path, **options: bool) -> os.stat_result:
+        if path == waits and free != [0]:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return stat(path, **options)
+
+    monkeypatch.setattr(Path, "stat", fail)
+    log = io.StringIO()
+    salvager = Salvager(lambda _path: "recovered", free_bytes=lambda _path: free[0], journal=Journal(log), waiting={})
+    salvager.start()
+    salvager.submit(waits)
+    eventually(lambda: "there is no room" in log.getvalue())
+    free[0] = 10**9
+    eventually(lambda: "Input/output error" in log.getvalue())
+    salvager.submit(next_one)
+    eventually(lambda: "segment_salvaged" in log.getvalue())

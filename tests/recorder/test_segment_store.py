@@ -210,7 +210,18 @@ def test_segment_that_has_its_final_name_is_finished(
     assert (store.stored, check.verdict) == (2, Verdict.FITS)
 
 
-@pytest.mark.parametrize("taken_by", ["link", "fifo", "folder", "file", "nothing"])
+def refusing(call: Callable[..., Any], refused: Path, number: int) -> Callable[..., Any]:
+    """A system call that refuses one path."""
+
+    def answer(path: Any, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - whatever the call takes and returns
+        if path == refused:
+            raise OSError(number, os.strerror(number))
+        return call(path, *arguments, **options)
+
+    return answer
+
+
+@pytest.mark.parametrize("taken_by", ["link", "fifo", "folder", "file", "another user's file", "nothing"])
 def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, taken_by: str
 ) -> None:
@@ -236,8 +247,14 @@ def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
     elif taken_by == "file":
         stranger.rename(part)
         stranger.symlink_to(part)
+    elif taken_by == "another user's file":
+        part.touch()
+        monkeypatch.setattr(files.os, "open", refusing(os.open, part, errno.EACCES))
+    elif taken_by == "nothing":  # and the disk does not say what the finished file's name leads to
+        monkeypatch.setattr(os, "stat", refusing(os.stat, part.with_suffix(""), errno.EIO))
     failing.error = 0
     store.try_now(at(9))
+    monkeypatch.undo()
     store.finish("stopped", at(9))
 
     assert stranger.read_bytes() == bytes(100_000)
