@@ -10,6 +10,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import MutableMapping
+from contextlib import suppress
 from typing import Any, TextIO, cast
 
 import structlog
@@ -63,24 +64,26 @@ class PatientStream:
             return unwritten
 
     def _write_for_ever(self) -> None:
+        is_torn = False  # the last line on the descriptor has no end
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._waiting)
-                text = self._waiting[0]
-            is_written = _write_all(self._descriptor, text)
+                text = b"\n" * is_torn + self._waiting[0]
+            written = _write_as_far_as_it_goes(self._descriptor, text)
+            if written:
+                is_torn = not text[:written].endswith(b"\n")
             with self._changed:
-                self._unwritten += not is_written
+                self._unwritten += written < len(text)
                 self._waiting.popleft()
                 self._changed.notify_all()
 
 
-def _write_all(descriptor: int, text: bytes) -> bool:
-    try:
-        while text:
-            text = text[os.write(descriptor, text) :]
-    except OSError:  # there is no other place to say so; it is counted, and the flight says it
-        return False
-    return True
+def _write_as_far_as_it_goes(descriptor: int, text: bytes) -> int:
+    written = 0
+    with suppress(OSError):  # there is no other place to say so; it is counted, and the flight says it
+        while written < len(text):
+            written += os.write(descriptor, text[written:])
+    return written
 
 
 class Journal:

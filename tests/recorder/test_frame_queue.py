@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import json
 import os
@@ -125,3 +126,21 @@ def test_log_that_nobody_reads_holds_up_nobody() -> None:
 
     assert counted == [LogLine(LogLevel.WARNING, "log_lines_unwritten 5")]
     assert '"number": 0' in first
+
+
+def test_line_after_a_torn_one_begins_anew() -> None:
+    """What a full pipe took of a line has no end: the next line is not glued to it."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    journal = Journal(descriptor=writing)
+    journal.log.info("torn", text="x" * fcntl.fcntl(writing, fcntl.F_GETPIPE_SZ))
+    journal.settle()
+    os.set_blocking(writing, True)
+    with os.fdopen(reading, encoding="utf-8") as reader:
+        os.read(reading, 4096)
+        journal.log.info("whole")
+        journal.log.info("last")
+        lines = [next(reader) for _ in range(3)]
+
+    assert [json.loads(line)["event"] for line in lines[1:]] == ["whole", "last"]
+    assert journal.drain() == [LogLine(LogLevel.WARNING, "log_lines_unwritten 1")]
