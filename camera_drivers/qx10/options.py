@@ -58,13 +58,13 @@ class Qx10Limits(Settings):
     """From one end of the zoom to the other."""
     stall_s: Seconds = 10.0
     """Without a liveview picture."""
-    picture_mib: Annotated[int, Field(gt=0, le=MAX_READ_BYTES // 2**20)] = 32
-    """The largest picture that is taken for one, MiB."""
+    picture_mib: Annotated[int, Field(gt=0, le=256)] = 32
+    """The largest picture that is taken for one, MiB; above 60 it counts as 60, which a flight file takes."""
 
     @property
     def picture_bytes(self) -> int:
         """The largest picture, bytes."""
-        return self.picture_mib * 2**20
+        return min(self.picture_mib * 2**20, MAX_READ_BYTES)
 
 
 class Qx10Settings(Settings):

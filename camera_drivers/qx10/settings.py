@@ -87,6 +87,10 @@ class Setter:
         CameraRefusedError
             It does not even say what it offers.
         """
+        limits = options.limits
+        if limits.picture_bytes < limits.picture_mib * 2**20:
+            stored = f"a flight file takes pictures of {limits.picture_bytes // 2**20} MiB at most"
+            self._notes.say_once(STATE, f"limits.picture_mib is not as wanted: {stored}")
         self._offered = offered(self._api)
         for wish in wishes(options):
             problem = self._problem(wish)

@@ -214,7 +214,7 @@ def write(path: Path, content: str | bytes) -> Path:
         (QX10 + "zoom: far}\n" + STORAGE, "camera.zoom"),
         (QX10 + "limits: {shot: 1}}\n" + STORAGE, "camera.limits.shot: there is no such setting"),
         (
-            QX10 + "limits: {picture_mib: 61}}\n" + STORAGE,
+            QX10 + "limits: {picture_mib: 257}}\n" + STORAGE,
             "camera.limits.picture_mib: input should be less than or equal",
         ),
         (QX10 + "limits: {call_s: 0}}\n" + STORAGE, "camera.limits.call_s: input should be greater than 0, got 0"),

@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
+from camera_drivers.qx10.options import Qx10Limits
 from camera_drivers.qx10.simulator.methods import CHOICES, FORBIDDEN
 from camera_drivers.thresholds import ZOOM_MAX_PICTURES, ZOOM_NEAR
+from flight_file.thresholds import MAX_READ_BYTES
+from tests.camera_drivers.qx10.conftest import LIMITS
 
 MakeBench = Callable[..., Any]
 WANTED = {
@@ -77,6 +80,18 @@ def test_setting_that_cannot_be_had_is_reported_once(
 
     assert [len(bench.take(1)) for _ in range(2)] == [1, 1]
     assert bench.listener.reasons("setting") == [reason]
+
+
+def test_larger_pictures_than_a_flight_takes_are_not_fetched(make_quick_bench: MakeBench) -> None:
+    """A limit above that is one of an older box: it starts all the same, and says what holds."""
+    bench = make_quick_bench(limits=LIMITS.model_copy(update={"picture_mib": 256}))
+
+    assert [len(bench.take(1)) for _ in range(2)] == [1, 1]
+    assert bench.listener.reasons("setting") == [
+        "limits.picture_mib is not as wanted: a flight file takes pictures of 60 MiB at most"
+    ]
+    assert Qx10Limits(picture_mib=256).picture_bytes == MAX_READ_BYTES
+    assert Qx10Limits(picture_mib=60).picture_bytes == MAX_READ_BYTES
 
 
 @pytest.mark.parametrize("order", [1, -1])
