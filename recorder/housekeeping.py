@@ -2,8 +2,8 @@
 
 The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
 names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. No picture
-counts for more than `SILENCE_S`: neither a box that waited for its camera nor a small file that claims to be long, and
-the newest, makes a flight look old.
+counts for more than `SILENCE_S`, so neither a box that waited for its camera nor a file of few pictures that claims to
+be long makes a flight look old. How many pictures there are is what the file's own statistics say.
 
 Never deleted: the newest `keep_hours`, what is marked (see `marks`), what somebody has in work, files with names that
 the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
