@@ -165,7 +165,7 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
                 _append(_mark_name(segment), line.encode(), folder)
             os.fsync(folder)
     except OSError as error:
-        reason = f"cannot be marked in ({error.strerror}); you must be in the recorder's group to mark"
+        reason = f"no recording in it can be marked ({error.strerror}); you must be in the recorder's group to mark"
         raise NotMarkedError(f"{directory}: {reason}.") from error
     return found
 

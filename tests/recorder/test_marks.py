@@ -78,7 +78,7 @@ def test_nothing_to_mark_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
     with pytest.raises(NothingToMarkError, match=r"no recording in it.*\.$"):
         mark(tmp_path)
-    with pytest.raises(NotMarkedError, match=r"\.$"):
+    with pytest.raises(NotMarkedError, match=r": no recording in it can be marked \(.*\.$"):
         mark(tmp_path / "none")
 
 
