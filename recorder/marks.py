@@ -38,7 +38,8 @@ from recorder.thresholds import MARK_BYTES
 
 MARK_SUFFIX = ".keep"
 MARKS_FOLDER = "marks"
-_NO_FOLDER = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)  # what opening says where there is none
+# What opening says where there is none, or another's: the recorder can always read its own.
+_NO_FOLDER = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EACCES, errno.EPERM)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may remove another's
 _MODE = 0o660  # the recorder and the whole operators' group may read a mark and add to it
