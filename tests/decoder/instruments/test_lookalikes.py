@@ -11,6 +11,7 @@ import pytest
 from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import Status
+from tests.decoder.instruments import altimeters
 from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, apart, paint, reader_for
 
 Draw = Callable[..., GreyPicture]
@@ -308,3 +309,30 @@ def test_needles_that_differ_in_length_alone_are_not_exchanged(middle_deg: float
 
     assert max(off_deg, default=0.0) < 1.0
     assert middle_deg != 330.0 or len(off_deg) > 20
+
+
+def test_needles_that_differ_are_read_beside_a_third_that_is_not_there() -> None:
+    """Nor does a bright bar on the dial make them doubtful: neither is taken for the third."""
+
+    def draw_forms(angles_deg: Sequence[float], seed: int, bar_deg: float | None = None) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(120, 421, 30))
+            for form, angle_deg in zip(altimeters.FORMS[-len(angles_deg) :], angles_deg, strict=True):
+                canvas.hand(form, angle_deg)
+            if bar_deg is not None:
+                canvas.bar(bar_deg, (30, 55), (9, 9), 200)
+
+        return paint(what, seed=seed)
+
+    drawn_deg, names = (160.0, 250.0, 340.0), ("short", "wide", "long")
+    needles = [{"name": name, "template": {"at": at, "span": 24}} for name, at in zip(names, drawn_deg, strict=True)]
+    for needle, above in zip(needles, names[1:], strict=False):
+        needle["covered_by"] = above
+    gauge = {"name": "three", "radius": [14, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]]}
+    reader = reader_for([gauge | {"needles": needles}], draw_forms(drawn_deg, 1))
+    for number, turned_deg in enumerate(np.arange(0.0, 90.0, 9.0).tolist()):
+        angles_deg = 230.0 + turned_deg, 310.0 + turned_deg
+        readings = read_picture(reader, draw_forms(angles_deg, 20 + number, 140.0 if number % 2 else 405.0)).readings
+        for name, angle_deg in zip(names[1:], angles_deg, strict=True):
+            assert readings[name].status is Status.READ
+            assert apart(readings[name].angle_deg, angle_deg) < 1.0

@@ -83,10 +83,10 @@ class StackReader:
         self._axes = [needle.axis for needle in needles]
         self._half_widths_rows = [needle.half_width_rows for needle in needles]
         self._pairs = list(combinations(range(len(needles)), 2))
-        # Of such similar shape that each may match where the other is.
-        self._alike = {
-            both for both in self._pairs if _likeness(*(self._templates[own] for own in both)) >= LIKELY_SCORE
-        }
+        # Of such similar shape that each may match where the other is; of more than two, all are reconsidered anyway.
+        least = LIKELY_SCORE if len(self._pairs) == 1 else SCORE_THRESHOLD
+        likeness = [_likeness(*(self._templates[own] for own in both)) for both in self._pairs]
+        self._alike = [both for both, like in zip(self._pairs, likeness, strict=True) if like >= least]
 
     @property
     def has_alike(self) -> bool:
