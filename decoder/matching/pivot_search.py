@@ -112,7 +112,7 @@ def _ridges(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> list[Floats]:
 
 
 def _along_radii(rings: Floats, radii_px: Floats) -> float:
-    """Return how well ridges (F, A, N) lie along radii: 1 if each circle shows the same, by Cauchy and Schwarz."""
+    """Return how well ridges (F, A, N) lie along radii: 1 if each circle shows the same, by Minkowski's inequality."""
     along = np.square((rings * radii_px).sum(axis=2)).sum()
     most = np.square((np.sqrt(np.square(rings).sum(axis=1)) * radii_px).sum(axis=1)).sum()
     return float(along / max(most, np.finfo(np.float32).eps))
@@ -150,8 +150,8 @@ def drawn_needles_deg(
     if not strips:
         return [None] * len(cuts)
     dial = _CoarseDial.of(grid, own, strips)
-    found = [_needle_of(dial, at_deg, odd_rows(span_deg, dial.step_deg)) for at_deg, span_deg in cuts]
-    return [None if needle is None else dial.angle_deg(needle.axis) for needle in found]
+    axes = [_axis_of(dial, at_deg, odd_rows(span_deg, dial.step_deg)) for at_deg, span_deg in cuts]
+    return [None if axis is None else dial.angle_deg(axis) for axis in axes]
 
 
 def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
@@ -336,20 +336,8 @@ class _CoarseDial:
         return self.first_deg + self.step_deg * row
 
 
-@dataclass(frozen=True, slots=True)
-class _DrawnNeedle:
-    """A needle of the panel picture without the dial behind it.
-
-    Its axis lies on the row `axis`; `pixels` (H, C) are centred on the whole row `middle` next to it.
-    """
-
-    axis: float
-    middle: int
-    pixels: Floats
-
-
-def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> _DrawnNeedle | None:
-    """Cut a needle out of the panel picture; None if it never leaves its place."""
+def _axis_of(dial: _CoarseDial, at_deg: float, height: int) -> float | None:
+    """Find the row on which a needle lies in the panel picture; None if it never leaves its place."""
     half, around = height // 2, round(BESIDE_DEG / dial.step_deg)
     drawn = dial.row_of(at_deg)
     first, end = max(round(drawn) - half - around, 0), min(round(drawn) + half + around + 1, len(dial.own))
@@ -365,10 +353,7 @@ def _needle_of(dial: _CoarseDial, at_deg: float, height: int) -> _DrawnNeedle | 
     own = slice(best - half, best + half + 1)
     if not shown[own].any():
         return None
-    balance = np.arange(len(wide))[own] @ shown[own] / shown[own].sum()
-    middle = int(np.clip(np.rint(balance), half, len(wide) - half - 1))
-    pixels = needle[middle - half : middle + half + 1].astype(np.float32)
-    return _DrawnNeedle(first + float(balance), first + middle, pixels)
+    return first + float(np.arange(len(wide))[own] @ shown[own] / shown[own].sum())
 
 
 def _best(
@@ -376,9 +361,8 @@ def _best(
 ) -> Vector | None:
     """Search for the offset that explains frames best; None if it is near, or none is clearly better than no offset.
 
-    A better one leaves at most the part `most_left` of what is unexplained.
-
-    If two explain them equally well, as where a needle hardly turns, the nearer one is preferred.
+    A better one leaves at most the part `most_left` of what is unexplained. If two explain frames equally well, as
+    where a needle hardly turns, the nearer one is preferred.
     """
 
     def liked(offsets_px: Floats) -> Floats:

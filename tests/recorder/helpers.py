@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
 import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -179,3 +181,14 @@ def messages(topic: str, *paths: Path) -> list[dict[str, Any]]:
 def recorder(*arguments: str | Path) -> Done:
     """Run a command to its end."""
     return ran("recorder", *arguments)
+
+
+def stuck_pipe() -> tuple[int, int]:
+    """Open a pipe with no room left: its reading and its writing end, of which the latter waits for ever."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    return reading, writing

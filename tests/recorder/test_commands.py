@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from flight_file.reader import open_flight
 from flight_file.thresholds import MAX_READ_BYTES
 from tests.flight_file.flights import make_frame, write_flight
 from tests.programs import RECORDER, begun, until
-from tests.recorder.helpers import WriteConfig, recorder
+from tests.recorder.helpers import WriteConfig, recorder, stuck_pipe
 
 
 @pytest.fixture
@@ -75,13 +74,7 @@ def _broken() -> int:
 
 
 def _stuck() -> int:
-    """A pipe that nobody reads, with no room left; its other end stays open as long as this process."""
-    _, writing = os.pipe()
-    os.set_blocking(writing, False)
-    with suppress(BlockingIOError):
-        while True:
-            os.write(writing, bytes(4096))
-    os.set_blocking(writing, True)
+    _, writing = stuck_pipe()
     return writing
 
 

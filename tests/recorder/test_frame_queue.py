@@ -7,13 +7,13 @@ import io
 import json
 import os
 import threading
-from contextlib import suppress
 from pathlib import Path
 
 from flight_file.frame import CameraStatus, ClockReading, Frame, HostTimes, LogLevel, LogLine
 from recorder.frame_queue import Arrival, Ended, FrameQueue, Notice
 from recorder.journal import Journal
 from recorder.thresholds import WAITING_LINES
+from tests.recorder.helpers import stuck_pipe
 
 AT = ClockReading(0, 0)
 
@@ -111,12 +111,7 @@ def test_lines_that_a_full_disk_refuses_are_counted_in_the_flight() -> None:
 
 def test_log_that_nobody_reads_holds_up_nobody() -> None:
     """A stuck pipe takes none of many lines: what waits is limited, the rest is counted, and it goes on when read."""
-    reading, writing = os.pipe()
-    os.set_blocking(writing, False)
-    with suppress(BlockingIOError):
-        while True:
-            os.write(writing, bytes(4096))
-    os.set_blocking(writing, True)
+    reading, writing = stuck_pipe()
     journal = Journal(descriptor=writing)
     for number in range(WAITING_LINES + 5):
         journal.log.info("again", number=number)
