@@ -223,7 +223,7 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
     for place, needle in enumerate(gauge.needles):
         cut = _template_picture(drawn.source, gauge, needle, grid, f"gauges[{drawn.index}].needles[{place}].template")
         layer = first_layer(cut, plain, grid.step_deg)
-        layers[needle.name] = without_others(layer, _others_rows(gauge, needle, grid), plain)
+        layers[needle.name] = without_others(layer, rows_to_others(gauge, needle, grid), plain)
     covered = np.zeros(strip.shape, bool)
     for needle in gauge.needles:
         layer = layers[needle.name]
@@ -238,7 +238,7 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
     return Look(face, templates)
 
 
-def _others_rows(gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid) -> list[float]:
+def rows_to_others(gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid) -> list[float]:
     """List by how many rows other needles follow this one in the picture from which it was cut."""
     own, turn_deg = needle.template, FULL_CIRCLE_DEG if gauge.is_round else None
     if own.at is None:

@@ -319,3 +319,35 @@ def test_clock_is_read_to_the_second() -> None:
 
     assert len(off_s) >= 0.9 * len(times_s[24:])
     assert max(off_s) < 1.0
+
+
+def clock_with_rim_hand(angles_deg: Sequence[float], seed: int = 0) -> GreyPicture:
+    """A clock whose seconds hand shows only near the rim, as if the rest of it were black."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 30))
+        for form, angle_deg in zip(CLOCK_FORMS[:2], angles_deg, strict=False):
+            canvas.hand(form, angle_deg)
+        canvas.bar(angles_deg[2], (50.0, 66.0), (1.4, 1.4), 150.0)
+        canvas.disc(CENTRE, 16.0, 200.0)
+
+    return paint(what, seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("second_deg", [250.0, 25.0], ids=["over the hub", "beside the hour hand"])
+def test_hand_that_shows_only_near_the_rim_is_not_the_one_below_it(second_deg: float) -> None:
+    """What lies on its axis nearer to the centre is the hub, or another hand, and moves otherwise."""
+    *others, second = CLOCK["needles"]
+    panel = {**CLOCK, "needles": [*others, {**second, "template": {"at": second_deg, "span": 14}}]}
+    times_s = [30_300.0 + 3.7 * frame for frame in range(40)]
+    pictures = [
+        clock_with_rim_hand([270.0 + 360.0 * (time_s % turn) / turn for turn in (43_200.0, 3600.0, 60.0)], seed)
+        for seed, time_s in enumerate(times_s)
+    ]
+    reader = reader_for([panel], clock_with_rim_hand((20.0, 140.0, second_deg), 90), pictures[::2])
+    found = [read_picture(reader, picture).readings["second_s"] for picture in pictures]
+    seen = [(each, time_s) for each, time_s in zip(found, times_s, strict=True) if each.is_seen]
+
+    assert len(seen) >= 36
+    assert all(apart(each.angle_deg, 270.0 + 6.0 * time_s) < 1.0 for each, time_s in seen)

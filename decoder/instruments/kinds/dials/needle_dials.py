@@ -9,7 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from decoder.imaging.planes import Squeeze
-from decoder.imaging.unwrapping import Grid, UnwrappedGauge
+from decoder.imaging.sorting import median_of
+from decoder.imaging.thresholds import HALF
+from decoder.imaging.unwrapping import Grid, UnwrappedGauge, row_of_angle
 from decoder.instruments.appearance import (
     Appearance,
     DrawnInstrument,
@@ -17,20 +19,24 @@ from decoder.instruments.appearance import (
     LearnedPicture,
     Look,
     needles_in_picture,
+    rows_to_others,
 )
 from decoder.instruments.found import Found, Needle, readings_of
 from decoder.instruments.kinds.dials.geared import GearedReader
 from decoder.instruments.kinds.dials.geared_learning import learn_hidden_hand
 from decoder.instruments.kinds.dials.needles import NeedleReader, is_simple
-from decoder.instruments.kinds.dials.stack import StackReader, without_dial
+from decoder.instruments.kinds.dials.stack import StackReader, covers_axis, needle_columns
 from decoder.instruments.needle_lines import pivot_of_tilts, tilts_of
 from decoder.instruments.reading import Readings
 from decoder.instruments.sampling import ALL, GaugeSampler, Part, Reader, Samples, SeenGauge
+from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.pivot_search import drawn_needles_deg, needle_pivot
-from decoder.panel.arrays import Floats
+from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
+from decoder.panel.kinds.needles import Needle as DescribedNeedle
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import Pivot
+from decoder.registration.thresholds import NOISE_LEVELS
 
 
 class _FindsNeedles(Protocol):
@@ -131,16 +137,52 @@ class _Hands:
         return readings
 
 
+def _hand_alone(drawn: DrawnInstrument, look: Look, needle: DescribedNeedle) -> NeedleTemplate:
+    """Return a hand's template without what else lies on its axis in its picture.
+
+    Numerals lie beyond its tip. A hub, or another hand, lies before it if it shows only near the rim.
+    """
+    template = look.templates[needle.name]
+    is_filled = (template.transparency < HALF).all(axis=0)
+    shows = np.ptp(template.pixels, axis=0) > 3 * NOISE_LEVELS
+    covered = covers_axis(template) & (shows | is_filled)
+    own = covered & ~is_filled & ~_others_reach(drawn, needle)
+    is_hand = needle_columns(drawn.grid.tail_columns, covered, own)
+    pixels, light, transparency = (
+        np.where(is_hand, seen, nothing).astype(np.float32)
+        for seen, nothing in (
+            (template.pixels, median_of(look.face)),
+            (template.light, 0.0),
+            (template.transparency, 1.0),
+        )
+    )
+    return NeedleTemplate(pixels, light, transparency, template.trust, template.step_deg)
+
+
+def _others_reach(drawn: DrawnInstrument, needle: DescribedNeedle) -> Mask:
+    """(C,): where the panel picture shows no gap between a needle's axis and another's, so that both may be that."""
+    strip, reach = drawn.strip, np.zeros(drawn.grid.columns, bool)
+    if needle.template.at is None or needle.template.picture is not None:
+        return reach
+    own = row_of_angle(drawn.grid, needle.template.at)
+    shows = np.abs(strip - median_of(strip))
+    for rows in rows_to_others(drawn.gauge, needle, drawn.grid):
+        first, last = np.rint(sorted((own, own + rows))).astype(int).clip(0, len(strip) - 1).tolist()
+        here, there = (first, last) if rows > 0 else (last, first)
+        gap = shows[first : last + 1].min(axis=0) < HALF * shows[here]
+        reach |= ~gap & (shows[there] > 3 * NOISE_LEVELS)
+    return reach
+
+
 class GearedKind(NeedleKind):
     """Hands that tell one value, such as those of an altimeter or a clock."""
 
     is_searched = False
 
     def first_look(self, drawn: DrawnInstrument) -> Look:
-        """Cut its hands, short ones only up to their tips, since what a flight teaches of one may have gaps."""
+        """Cut its hands from where each begins to its tip, since what a flight teaches of one may have gaps."""
         look = needles_in_picture(drawn)
-        ended = {name: without_dial(template, drawn.grid) for name, template in look.templates.items()}
-        return replace(look, templates=ended)
+        return replace(look, templates={each.name: _hand_alone(drawn, look, each) for each in drawn.gauge.needles})
 
     def hidden_look(
         self, instrument: Instrument, appearance: Appearance, strips: Sequence[UnwrappedGauge]

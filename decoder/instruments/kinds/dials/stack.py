@@ -433,22 +433,43 @@ def _correlation(one: Floats, other: Floats) -> float:
 
 def without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
     """Return a template without what is beyond the needle's tip, where a first picture may include numerals."""
+    covered = covers_axis(template)
+    beside = ~needle_columns(grid.tail_columns, covered, covered)
+    light = np.where(beside, 0.0, template.light).astype(np.float32)
+    return replace(template, light=light, transparency=np.where(beside, 1.0, template.transparency).astype(np.float32))
+
+
+def covers_axis(template: NeedleTemplate) -> Mask:
+    """(C,): where what a template shows covers its axis."""
     axis = (template.rows - 1) // 2
-    covered = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > HALF
-    beyond = np.zeros(grid.columns, bool)
-    tail = grid.tail_columns
-    beyond[tail:] = _beyond_tip(covered[tail:])
-    beyond[:tail] = _beyond_tip(covered[:tail][::-1])[::-1]
-    light = np.where(beyond, 0.0, template.light).astype(np.float32)
-    return replace(template, light=light, transparency=np.where(beyond, 1.0, template.transparency).astype(np.float32))
+    covers: Mask = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > HALF
+    return covers
 
 
-def _beyond_tip(covered: Mask) -> Mask:
-    """(C,): whether columns, from the centre outwards, are beyond a needle, given where it covers its axis."""
-    bare = ~covered
-    ends = np.flatnonzero(bare[:-2] & bare[1:-1] & bare[2:] & (np.cumsum(covered)[:-2] > 0))
-    first = int(ends[0]) + 1 if ends.size else len(covered)  # the tip's own blurred edge belongs to the needle
-    return np.arange(len(covered)) >= first
+def needle_columns(tail_columns: int, covered: Mask, own: Mask) -> Mask:
+    """(C,): which columns may be a needle's, given where something covers its axis, and where that is its `own`.
+
+    From the centre outwards, they begin after the last gap before the first columns that are its own, and end at the
+    next gap. A tail begins at the centre.
+    """
+    front, tail = covered[tail_columns:], covered[:tail_columns][::-1]
+    return np.concatenate([_between_gaps(tail, tail)[::-1], _between_gaps(front, own[tail_columns:])])
+
+
+def _between_gaps(covered: Mask, own: Mask) -> Mask:
+    gaps, columns, owned = _three_in_a_row(~covered), np.arange(len(covered)), _three_in_a_row(own)
+    first = int((owned if owned.size else np.append(np.flatnonzero(covered), len(covered)))[0])
+    before, after = gaps[gaps < first], gaps[gaps > first]
+    start = int(before[-1]) + 2 if before.size and covered[:first].any() else 0
+    end = int(after[0]) + 1 if after.size else len(covered)  # the tip's own blurred edge belongs to the needle
+    within: Mask = (columns >= start) & (columns < end)
+    return within
+
+
+def _three_in_a_row(columns: Mask) -> Indices:
+    """Return where three columns follow each other; fewer are a blurred edge."""
+    first: Indices = np.flatnonzero(columns[:-2] & columns[1:-1] & columns[2:])
+    return first
 
 
 def _draw(picture: Floats, light: Floats, transparency: Floats, row: float) -> None:
