@@ -391,6 +391,12 @@ def _around_far_pivots(
         ]
         reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
+    if reader.placement.dials_move:  # a raised needle's ridges lie beside its pivot, and tilts need no ridges
+        found = _read(reader, samples)
+        paths = [
+            path if missing_part(gauge, found) > HALF * HALF else replace(path, is_found=True)
+            for path, gauge in zip(paths, drawn, strict=True)
+        ]
     for _ in range(FAR_ROUNDS):
         paths = [
             path if path.is_found else path.from_afar(kind_of(gauge).far_pivot(*seen), REACH_PART * gauge.radius[1])
