@@ -189,3 +189,32 @@ def test_a_line_along_the_ticks_makes_no_two_parts_look_alike(line: float) -> No
 
     assert [one.status for one in found] == [Status.READ] * len(wanted)
     assert all(abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found, wanted.tolist(), strict=True))
+
+
+def placarded(value: float, grid: WindowGrid, seed: int = 0) -> Floats:
+    """A bright flat tape with few dark numerals, and the end of a black placard over a corner of its window."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        values = (value + 4.0 * (50.0 - y)) / 4.0
+        number = numeral(np.floor(values / BLOCK_DEG), np.mod(values / BLOCK_DEG, 1.0), x - 8.0, 60)
+        tick = bar(np.mod(values + 7.5, 15.0) - 7.5, 0.5, 0.8) * (x < 20.0)
+        tape = 225.0 - 90.0 * number - 40.0 * tick
+        return np.where((x > 30.0) & (y < 26.0), 20.0, tape)
+
+    return seen(grid, levels, seed)
+
+
+def test_what_lies_over_a_corner_of_a_tape_does_not_tell_where_it_is() -> None:
+    """A black placard outweighs all that moves beside it, and is where it was in every frame."""
+    marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
+    gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
+    own = DrawnTape.of(gauge, grid)
+    first = first_tape(own.marks, own.turn, own.along(placarded(1000.0, grid)), is_round=False)
+    flown = np.linspace(1000.0, 2200.0, 16)
+    picture = learn_tape([own.along(placarded(a, grid, n)) for n, a in enumerate(flown.tolist())], first, own.marks)
+    wanted = np.arange(1010.0, 2200.0, 97.0)
+    found = read(gauge, grid, picture, *(placarded(a, grid, 50) for a in wanted.tolist()))
+    told = [(one, a) for one, a in zip(found, wanted.tolist(), strict=True) if one.status is Status.READ]
+
+    assert len(told) >= 0.8 * len(wanted)
+    assert all(abs(one.angle_deg - a) < 3.0 * one.sigma_deg for one, a in told)

@@ -580,14 +580,29 @@ def _in_light_of(reference: Floats, window: Floats) -> Floats:
 
 
 def _still(windows: Sequence[Floats]) -> Floats:
-    """(along, across): 1 where windows show the same edge in most frames, whatever the tape does, else 0."""
+    """(along, across): 1 where windows show the same in most frames, whatever the tape does, else 0.
+
+    That is an edge; or the inside of what lies over the tape, if its level is further from what is beside it along the
+    window than the tape's levels usually move: it would match at every position.
+    """
     views = np.stack(windows)
     middle = median_of(views)
-    moves = np.quantile(np.abs(views - middle), MOVING_QUANTILE, axis=0)
+    off = np.abs(views - middle)
+    moves = np.quantile(off, MOVING_QUANTILE, axis=0)
     edges = np.abs(np.diff(middle, axis=0))
     edge = np.maximum(np.pad(edges, ((1, 0), (0, 0))), np.pad(edges, ((0, 1), (0, 0))))
-    still = ((edge > NOISE_LEVELS) & (moves < edge / 2)).astype(np.float32)
-    return np.asarray(cv2.dilate(still, np.ones((3, 1), np.uint8)), np.float32)
+    half = len(middle) // 2
+    slope = np.median(middle[half:] - middle[: len(middle) - half], axis=0) / half
+    level = middle - slope * np.arange(len(middle))[:, None]
+    beside = np.abs(level - np.median(level, axis=0))
+    usual = np.sqrt(np.mean(np.square(off), axis=(0, 1)))
+    is_edge = (edge > NOISE_LEVELS) & (moves < edge / 2)
+    is_over = (beside > OUTLIER_SPREADS * np.maximum(usual, NOISE_LEVELS)) & (moves < beside / 2)
+    grown = (
+        cv2.dilate(still.astype(np.float32), np.ones(reach, np.uint8))
+        for still, reach in ((is_edge, (3, 1)), (is_over, (5, 5)))
+    )
+    return np.asarray(np.maximum(*grown), np.float32)
 
 
 class TapeReader:
