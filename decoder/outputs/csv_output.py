@@ -31,7 +31,8 @@ from flight_file.thresholds import MAX_SIDE_PX
 from flight_file.untrusted import printable, to_cell
 
 SCORE_DECIMALS = 4
-DIGITS_OF_FULL_SCALE = 6  # a millionth of it, finer than any reading
+# A millionth of full scale, and a thousandth of what is between the outermost marks: a drum's counts have no others.
+DIGITS_OF_FULL_SCALE, DIGITS_OF_MARKS = 6, 4
 TIME_DECIMALS = 6
 
 COLUMNS = ("frame", "time_utc", "alignment_score", "failed", "shift_x_px", "shift_y_px", "roll_deg", "scale", "matrix")
@@ -67,10 +68,13 @@ def value_field(series: NeedleSeries, row: int, decimals: int) -> str:
 
 
 def value_decimals(series: NeedleSeries) -> int:
-    """Return the decimals of a column's values: those of a display, or else a millionth of full scale; at least one."""
-    if series.quantity.written is not None:
-        return max(1, series.quantity.written.decimals)
-    return max(1, DIGITS_OF_FULL_SCALE - 1 - math.floor(math.log10(series.quantity.full_scale)))
+    """Return the decimals of a column's values: those of a display, or else finer than any reading; at least one."""
+    quantity = series.quantity
+    if quantity.written is not None:
+        return max(1, quantity.written.decimals)
+    marked = abs(quantity.marks[-1][1] - quantity.marks[0][1])
+    spans = (DIGITS_OF_FULL_SCALE, quantity.full_scale), (DIGITS_OF_MARKS, marked)
+    return max(1, *(digits - 1 - math.floor(math.log10(span)) for digits, span in spans))
 
 
 def value_within_turn(value: float, decimals: int, quantity: Quantity) -> float:

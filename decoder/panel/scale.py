@@ -213,6 +213,8 @@ class Quantity:
         How its values are written if they are not measured; they then change in steps.
     is_drawn
         Whether its marks are places that somebody drew.
+    goes_on
+        Whether its values go on beyond the outermost marks.
     is_shift
         Whether it is read from how far something has shifted from the pivot, rather than turned around it.
     """
@@ -228,6 +230,7 @@ class Quantity:
     limits: tuple[float, float] | None = None
     written: Written | None = None
     is_drawn: bool = True
+    goes_on: bool = False
     is_shift: bool = False
 
     @classmethod

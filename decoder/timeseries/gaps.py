@@ -177,14 +177,14 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
     seen = series.value[known] if wraps is None else np.unwrap(series.value[known], period=wraps)
     status, value, sigma = series.status.copy(), series.value.copy(), series.sigma.copy()
     pinned = np.interp(time_s[flagged], time_s[known], series.sigma[known])
-    guess = series.quantity.full_scale * UNIFORM_SIGMA
+    guess = NOWHERE if series.quantity.goes_on else series.quantity.full_scale * UNIFORM_SIGMA
     doubt = np.hypot(pinned, _bridge_sigma(seen, time_s[known], time_s[flagged]))
     if wraps is not None:
         doubt[_may_have_turned(seen, known, time_s, wraps)[np.searchsorted(known, flagged) - 1]] = NOWHERE
-    told = np.isfinite(doubt) | (known.size >= flagged.size)
-    flagged, doubt = flagged[told], np.fmin(doubt, guess)[told]
+    doubt = np.where(np.isfinite(doubt) | (known.size >= flagged.size), np.fmin(doubt, guess), NOWHERE)
+    told = np.isfinite(doubt)
+    flagged, doubt, line = flagged[told], doubt[told], np.interp(time_s[flagged[told]], time_s[known], seen)
     status[flagged] = CODE[Status.INTERPOLATED]
-    line = np.interp(time_s[flagged], time_s[known], seen)
     doubt = np.hypot(doubt, _likely_off(series, flagged, line) / CONFIDENCE_SIGMAS)
     value[flagged] = line if wraps is None else in_turn(line, wraps, series.quantity.lowest)
     sigma[flagged] = doubt
@@ -204,7 +204,7 @@ def _likely_off(series: NeedleSeries, flagged: NDArray[np.intp], line: Floats) -
     goes_on &= likely[1:] & likely[:-1]
     sighted = np.append(goes_on, False) | np.append(False, goes_on)
     there = Scale.of(quantity.marks, quantity.wraps).values_at(series.angle_deg[flagged])
-    if quantity.wraps is None:
+    if quantity.wraps is None and not quantity.goes_on:
         there = limited(there, *quantity.range)
     off = np.abs(shortest(there - line, quantity.wraps))
     return np.where(sighted[flagged], off, 0.0)

@@ -113,7 +113,7 @@ class Tape(Windowed, Strict):
             return (Quantity(self.name, dial.name, dial.unit, marks, self.turn, None, self.max_rate),)
         values = sorted(value for _, value in self.marks)
         ends = (values[0], values[0]), (values[-1], values[-1])
-        return (Quantity(self.name, dial.name, dial.unit, ends, None, None, self.max_rate),)
+        return (Quantity(self.name, dial.name, dial.unit, ends, None, None, self.max_rate, goes_on=True),)
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
         """Return the index across its window, where there is a value."""

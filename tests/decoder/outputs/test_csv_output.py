@@ -105,6 +105,16 @@ def test_small_scales_lose_no_digits(document: dict[str, Any], full_scale: float
     assert value_decimals(fly([], content=document).series[0]) == decimals
 
 
+def test_drums_that_roll_are_written_finer_than_their_last_digit(document: dict[str, Any]) -> None:
+    """Six of them count to a million tenths, but the last one is read to a hundredth of its turn."""
+    drums = {"name": "hobbs_h", "pattern": "00000.0", "shows": "07998.59", "rolls": "up", "pitch": 20}
+    window = [[10, 10], [90, 10], [90, 30], [10, 30]]
+    document["gauges"].append({"name": "hobbs", "window": window, "printed": drums})
+    (series,) = (each for each in fly([], content=document).series if each.quantity.name == "hobbs_h")
+
+    assert value_decimals(series) == 4
+
+
 @pytest.mark.parametrize(
     ("time_ns", "text"),
     [

@@ -157,6 +157,25 @@ def test_turn_that_begins_and_ends_in_a_gap_is_within_its_interval(turns_at: int
     assert statuses(data)[50:60] == "i" * 10
 
 
+def test_tape_that_goes_on_may_have_gone_beyond_its_marks_in_a_gap(document: dict[str, Any]) -> None:
+    """Its marks are those that the panel picture shows: a climb and a descent in a gap leave them far behind."""
+    corners = [[10, 10], [50, 10], [50, 90], [10, 90]]
+    marks = [[30, 1080], [50, 1000], [80, 880]]
+    document["gauges"].append(
+        {"name": "tape", "window": corners, "tape": {"name": "alt_ft", "index": 50, "marks": marks}}
+    )
+    true_ft = 1000.0 + np.concatenate([60.0 * np.arange(20), 60.0 * np.arange(20, 0, -1), np.zeros(5)])
+    frames: list[Mapping[str, Reading]] = [
+        {"alt_ft": seen(value_ft) if frame < 4 or frame >= 36 else BAD}
+        for frame, value_ft in enumerate(true_ft.tolist())
+    ]
+    series = next(each for each in fill_gaps(fly(frames, content=document)).series if each.quantity.name == "alt_ft")
+    bridged = series.has(Status.INTERPOLATED)
+
+    assert bridged[4:36].all()
+    assert (np.abs(series.value - true_ft) <= 1.96 * series.sigma)[bridged].all()
+
+
 def pair(al_deg: float, fr_deg: float, status: Status = Status.READ) -> dict[str, Reading]:
     """Both fuel needles, the status being the covered one's."""
     return {"al_lb": Reading(status, al_deg, 0.02, 0.95), "fr_lb": seen(fr_deg)}
