@@ -17,7 +17,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.scale import Scale
-from tests.decoder.instruments.dials import CENTRE, SCALE, Canvas, paint, reader_for
+from tests.decoder.instruments.dials import CENTRE, SCALE, Canvas, apart, paint, reader_for
 
 A_DEGREE_PX = 2.0
 WINDOW_PX, RING_PX, RIM_PX = 50.0, 54.0, 70.0
@@ -54,6 +54,7 @@ def draw(
     *,
     ring: bool = True,
     plain: bool = False,
+    sky: float = SKY,
     gain: float = 1.0,
     hand: float = 0.0,
     turns: tuple[float, float] = (1.0, 1.0),
@@ -78,7 +79,7 @@ def draw(
         x_off, y_off = x - down_px * math.sin(way), y - down_px * math.cos(way)
         its_right = x_off * math.cos(turned) - y_off * math.sin(turned)
         its_up = -x_off * math.sin(turned) - y_off * math.cos(turned)
-        levels[seen] = horizon(its_right[seen], its_up[seen] / A_DEGREE_PX, plain=plain)
+        levels[seen] = horizon(its_right[seen], its_up[seen] / A_DEGREE_PX, plain=plain, sky=sky)
         if ring:
             around = (radius > RING_PX + 2) & (radius < RIM_PX - 2)
             levels[around] = marks_of_bank(right[around], up[around])
@@ -93,9 +94,9 @@ def draw(
     return paint(what, seed=seed)
 
 
-def horizon(right: Floats, pitch_deg: Floats, *, plain: bool) -> Floats:
+def horizon(right: Floats, pitch_deg: Floats, *, plain: bool, sky: float) -> Floats:
     """Levels of the horizon's picture at places of it: sky, ground, a line between, and a ladder."""
-    levels = np.full(pitch_deg.shape, GROUND) if plain else np.where(pitch_deg > 0, SKY, GROUND)
+    levels = np.full(pitch_deg.shape, GROUND) if plain else np.where(pitch_deg > 0, sky, GROUND)
     levels[np.abs(pitch_deg) < 0.7] = WHITE
     if not plain:
         mark_deg = np.round(pitch_deg / 5) * 5
@@ -114,11 +115,11 @@ def marks_of_bank(right: Floats, up: Floats) -> Floats:
     return levels
 
 
-def flight(*, ring: bool) -> list[GreyPicture]:
+def flight(*, ring: bool, sky: float = SKY) -> list[GreyPicture]:
     """Frames of a flight with turns, climbs and descents."""
     rolls = [0, 8, 25, 40, 55, 30, 5, -10, -28, -45, -60, -35, -12, 3, 15, -5]
     pitches = [0, 5, 11, 8, 2, -6, -12, -15, -8, -2, 4, 10, 15, 18, -18, 1]
-    return [draw(*both, 100 + index, ring=ring) for index, both in enumerate(zip(rolls, pitches, strict=True))]
+    return [draw(*both, 100 + index, ring=ring, sky=sky) for index, both in enumerate(zip(rolls, pitches, strict=True))]
 
 
 @pytest.mark.parametrize(("given", "true_deg"), [({}, 270.0), ({"index": 270.0}, 272.0)])
@@ -251,6 +252,25 @@ def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
     read = read_picture(reader, draw(10.0, 0.0, 12, ring=False, plain=True))
 
     assert {one.status for one in read.readings.values()} == {Status.MISSING}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", [0.3, 0.1, 0.05, 0.0])
+def test_sky_hardly_brighter_than_the_ground_is_never_taken_for_it(part: float) -> None:
+    """A blue sky is no brighter than brown ground: what is the same upside down, or may be where unseen, is missing."""
+    sky = GROUND + part * (SKY - GROUND)
+    picture = draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=False, sky=sky)
+    reader = reader_for([described(ring=False)], picture, flight(ring=False, sky=sky))
+    attitudes = np.random.default_rng(6).uniform((-60, -18), (60, 18), (24, 2)).tolist()
+    told = 0
+    for seed, (roll_deg, pitch_deg) in enumerate(attitudes):
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 400 + seed, ring=False, sky=sky))
+        if read.readings["roll_deg"].status is not Status.MISSING:
+            found = values(reader, read)
+            assert apart(found["roll_deg"], roll_deg) < 1.0
+            assert abs(found["pitch_deg"] - pitch_deg) < 1.0
+            told += 1
+    assert told >= {0.3: 24, 0.0: 0}.get(part, 10)
 
 
 def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001

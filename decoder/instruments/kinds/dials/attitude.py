@@ -42,7 +42,7 @@ from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_T
 from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
 from decoder.matching.needle_search import peaks_of
 from decoder.matching.pivot_search import SQUEEZE_AXES, card_squeeze
-from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.attitude import Attitude
@@ -80,6 +80,11 @@ class Place:
     turned_deg: float
     down_px: float
 
+    @property
+    def is_inverted(self) -> bool:
+        """Whether it is nearer to upside down than to the panel picture."""
+        return abs(math.remainder(self.turned_deg, FULL_CIRCLE_DEG)) > HALF_TURN_DEG / 2
+
 
 AS_DRAWN = Place(0.0, 0.0)
 
@@ -93,6 +98,8 @@ class AttitudePicture:
     horizon
         (H, W) float32, what moves behind the window, upright as in the panel picture, with the dial's centre in the
         middle; a cell is as large as a column of the gauge's grid.
+    known
+        (H, W): 1 where frames showed that, else 0.
     weights
         (P, C) in [0, 1]: how well each place of the window, which stands still, shows the horizon.
     ring
@@ -106,6 +113,7 @@ class AttitudePicture:
     """
 
     horizon: Floats
+    known: Floats
     weights: Floats
     ring: CardPicture | None
     drawn: UnwrappedGauge
@@ -232,6 +240,10 @@ class Attitudes:
         """Whether zero pitch lies in the window; without it, the marks of the ladder all look alike."""
         return abs(self.level_px + place.down_px) < self.own.window
 
+    def upside_down(self, place: Place) -> Place:
+        """Return where the horizon's line is the same, with the sky below it."""
+        return Place(place.turned_deg + HALF_TURN_DEG, -2 * self.level_px - place.down_px)
+
     def drawn_sigma_px(self, up_px: float) -> float:
         """Return the uncertainty, due to marks drawn by hand, of a place on the straight line fitted through them."""
         middle_px = float(self._ups_px.mean())
@@ -344,9 +356,22 @@ class _HorizonReader:
         found = self._search.best(seen, turned_deg)
         if found is None:
             return NOT_SEEN
-        place, rival = found
-        sight = self._fitted(seen[:: self._stride], place, is_turn_known=turned_deg is not None)
-        return replace(sight, is_alone=1.0 - rival**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2))
+        place, rival, rival_score = found
+        thinned = seen[:: self._stride]
+        sight = self._fitted(thinned, place, is_turn_known=turned_deg is not None)
+        if rival_score >= LIKELY_SCORE:  # the search is too coarse to compare places in
+            other = self._fitted(thinned, rival, is_turn_known=turned_deg is not None)
+            sight, other = sorted((sight, other), key=lambda each: -each.score)
+            rival_score = max(rival_score, other.score)
+        is_alone = 1.0 - rival_score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
+        if turned_deg is None and sight.place.is_inverted:
+            is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
+        return replace(sight, is_alone=is_alone)
+
+    def _knows(self, place: Place) -> bool:
+        """Whether frames showed nearly all that the window would show at a place, so that it could match there."""
+        known = self._weights * _at(self._picture.known, self._cells(place, 1))
+        return float(known.sum()) >= (1.0 - MIN_VISIBLE) * float(self._weights.sum())
 
     def still(self, views: Sequence[tuple[UnwrappedGauge, Sight]]) -> Floats:
         """(P, C): the weight of each place in the window, by how consistently frames show what moves there."""
@@ -457,8 +482,8 @@ class _Search:
         shifts = abs(place.down_px - start.down_px) / float(self._step_px)
         return turns <= MAX_PEAK_ROWS and shifts <= MAX_PEAK_ROWS
 
-    def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, float] | None:
-        """Return where the picture matches a window (P, C) best, and its best score elsewhere; None for a blank window.
+    def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, Place, float] | None:
+        """Return where the picture matches a window (P, C) best and second best, and how well; None for a blank window.
 
         With `turned_deg`, only that turn is searched.
         """
@@ -467,11 +492,17 @@ class _Search:
         if scores is None:
             return None
         shift, turn = divmod(int(scores.argmax()), scores.shape[1])
-        rival = _second_peak(scores, shift, turn)
+        second = _second_peak(scores, shift, turn)
+        places = [self._place(scores, peak, turned_deg) for peak in ((shift, turn), second)]
+        return places[0], places[1], max(float(scores[second]), 0.0)
+
+    def _place(self, scores: Floats, peak: tuple[int, int], turned_deg: float | None) -> Place:
+        """Return the place of a peak of scores (K, P): its shift lies between steps."""
+        shift, turn = peak
         found_deg = float(in_turn(np.array(turn * self._step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
+        _, at = peaks_of(scores[:, turn], np.arange(len(scores)) == shift)
         at_deg = found_deg if turned_deg is None else turned_deg
-        _, peak = peaks_of(scores[:, turn], np.ones(len(scores), bool))
-        return Place(at_deg, float(self._downs_px[0] + peak * self._step_px)), rival
+        return Place(at_deg, float(self._downs_px[0] + at * self._step_px))
 
     def _scores(self, seen: Floats, rows: int | None) -> Floats | None:
         """(K, P) at every shift and turn, or (K, 1) at one turn; None where a window (P, C) is blank."""
@@ -501,21 +532,22 @@ class _Search:
         return sums
 
 
-def _second_peak(scores: Floats, shift: int, turn: int) -> float:
-    """Return the second highest peak of scores (K, P), which are cyclic in turns."""
+def _second_peak(scores: Floats, shift: int, turn: int) -> tuple[int, int]:
+    """Return the second highest peak of scores (K, P), which are cyclic in turns: its shift and turn."""
     around = PEAK_STEPS if scores.shape[1] > 1 else 0
     padded = np.pad(scores, ((0, 0), (around, around)), mode="wrap").astype(np.float32)
     highest = cv2.dilate(padded, np.ones((2 * PEAK_STEPS + 1, 2 * around + 1), np.uint8))
     is_peak = (padded == highest)[:, around : around + scores.shape[1]]
     is_peak[shift, turn] = False
-    return float(scores[is_peak].max(initial=0.0))
+    second_shift, second_turn = divmod(int(np.where(is_peak, scores, -1.0).argmax()), scores.shape[1])
+    return second_shift, second_turn
 
 
 def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | None) -> AttitudePicture:
     """Return it as the panel picture (R, C) shows it, with all that lies over it."""
     weights = np.ones((own.rows, own.window), np.float32)
-    horizon = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
-    return AttitudePicture(horizon, weights, ring, strip[: own.rows, : own.window], own.own.shift_turn)
+    horizon, known = _composed([_moved_back(own, weights, strip, NOT_SEEN)])
+    return AttitudePicture(horizon, known, weights, ring, strip[: own.rows, : own.window], own.own.shift_turn)
 
 
 def learn_attitude(
@@ -578,14 +610,21 @@ def _put_together(
     """Compose it from frames, with one law of shifting.
 
     Few frames match a panel picture in which the symbol covers the horizon: until the last round, those that match
-    best will do.
+    best will do. A frame that matches elsewhere about as well may be upside down, and teaches only if others are few;
+    one that seems inverted teaches nothing, unless a ring says so: its sky may be the other one's ground.
     """
     known = given
     for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
         sights = [(strip, reader.seen(strip).horizon) for strip in strips]
-        in_sight = [(strip, sight) for strip, sight in sights if own.is_level_in_sight(sight.place)]
+        in_sight = [
+            (strip, sight)
+            for strip, sight in sights
+            if own.is_level_in_sight(sight.place) and (ring is not None or not sight.place.is_inverted)
+        ]
         views = [(strip, sight) for strip, sight in in_sight if sight.score >= LIKELY_SCORE]
+        alone = [(strip, sight) for strip, sight in views if sight.is_alone]
+        views = alone if len(alone) >= FRAMES_TO_LEARN else views
         if len(views) < FRAMES_TO_LEARN and number < rounds - 1:
             views = sorted(in_sight, key=lambda view: -view[1].score)[:FRAMES_TO_LEARN]
         if len(views) < FRAMES_TO_LEARN or not (known.weights > HALF).any():
@@ -593,8 +632,8 @@ def _put_together(
         backs = [_moved_back(own, known.weights, *view) for view in views]
         if not np.isfinite(backs).any():
             return given
-        horizon = _composed(backs)
-        known = replace(known, horizon=horizon)
+        horizon, shown = _composed(backs)
+        known = replace(known, horizon=horizon, known=shown)
         known = replace(known, weights=_HorizonReader(own, known).still(views))
     drawn = AttitudeReader(own, known, ring).horizon_in(given.drawn, 0.0)
     return replace(known, origin=drawn.place) if drawn.is_sure else given
@@ -615,8 +654,11 @@ def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: S
     return np.where((column >= 0) & (column <= columns - 1), shown, np.nan)
 
 
-def _composed(views: Sequence[Floats]) -> Floats:
-    """(H, W): the median of what frames show; where none shows anything, the nearest pixel at the same height."""
+def _composed(views: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """(H, W): the median of what frames show; where none shows anything, the nearest pixel at the same height.
+
+    Also return (H, W) where any shows something, as 1, else 0.
+    """
     seen = np.sort(np.stack(views), axis=0)  # NaN is sorted last
     count = np.isfinite(seen).sum(axis=0)
     low, high = np.maximum(count - 1, 0) // 2, count // 2
@@ -629,7 +671,7 @@ def _composed(views: Sequence[Floats]) -> Floats:
         near = middle[known[np.abs(known - row).argmin()]]
         there = np.isfinite(near)
         filled.append(np.interp(across, across[there], near[there]))
-    return np.array(filled, np.float32)
+    return np.array(filled, np.float32), (count > 0).astype(np.float32)
 
 
 def _around(angles: Floats, radii_px: Floats) -> tuple[Floats, Floats]:
