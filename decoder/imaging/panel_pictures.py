@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.alignment import Alignment
 from decoder.imaging.dial_plane import dial_plane, inches_to_picture
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture, colour_picture, grey_picture, without_colour
@@ -44,6 +45,8 @@ class PanelPictures:
         How much less sharp frames are than the panel picture: the sigma of a Gaussian; 0 if they are not.
     blurred
         The panel picture as sharp as frames; None where it is not sharper.
+    places
+        Where the panel lies in its other pictures, by name, as far as it was found there.
     """
 
     panel: Panel
@@ -55,6 +58,7 @@ class PanelPictures:
     mixtures: tuple[Mixture | None, ...] = ()
     blur_px: float = 0.0
     blurred: GreyPicture | None = None
+    places: Mapping[str, Alignment] = field(default_factory=dict)
 
     @property
     def has_colour(self) -> bool:

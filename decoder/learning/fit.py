@@ -489,6 +489,9 @@ def reader_from_panel(source: PanelPictures, method: Method, aligner: Aligner | 
         If a template, an anchor or the level edge does not fit the panel picture.
     """
     drawn = UnwrappedPanel(in_panels_colours(source), aligner)
+    others = {name: source.pictures[name] for name in source.panel.pictures[1:]}
+    if others:
+        drawn = UnwrappedPanel(replace(drawn.source, places=drawn.aligner.found_in(others)), drawn.aligner)
     return PanelReader.of(source, method, appearance_from_panel(drawn), Placement(), drawn)
 
 

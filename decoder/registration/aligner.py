@@ -7,6 +7,8 @@ rolled, or nearer or further than that search covers, is first located by SIFT f
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
+from contextlib import suppress
 from copy import copy
 
 import numpy as np
@@ -16,7 +18,7 @@ from decoder.imaging.motion import Model, carried
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.arrays import Floats
-from decoder.panel.errors import AlignmentLost, PanelError
+from decoder.panel.errors import AlignmentLost, PanelError, PictureError
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
 from decoder.registration.anchors import NOTHING_THERE, findable
@@ -178,6 +180,14 @@ class Aligner:
     def _seen_in(self, frame: GreyPicture, focal_length_mm: float | None) -> SeenPanel:
         height, width = frame.shape
         return self.seen_at(focal_length_mm, (width, height))
+
+    def found_in(self, pictures: Mapping[str, GreyPicture]) -> dict[str, Alignment]:
+        """Align other pictures, by name, leaving out those that do not show the panel as frames do."""
+        places = {}
+        for name, picture in pictures.items():
+            with suppress(PictureError):
+                places[name] = self.align(picture)
+        return places
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """Align a panel that is not a plane: if its features disagree, roughly, by what most anchors agree on.

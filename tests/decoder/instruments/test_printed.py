@@ -8,10 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.unwrapping import WindowGrid
 from decoder.instruments.kinds.windows.printed import PrintedKind, PrintedReader, print_of
+from decoder.instruments.kinds.windows.printed_strips import Print
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.arrays import Floats
@@ -219,6 +221,36 @@ def test_another_picture_teaches_what_the_panel_picture_does_not_show() -> None:
     assert told([found["squawk"] for found in seen]) == [3206.0, 1405.0, 5634.0, None]
     assert panel.pictures == ("p.png", "other.png")
     assert PrintedKind().owns(panel.gauges[0])
+
+
+def test_window_drawn_carelessly_in_another_picture_is_where_its_anchors_put_it() -> None:
+    """A frame of the flight shows the panel, so what one hand drew in one picture is known in all."""
+    drawn = DrawnRow(font=dotted)
+    texture = cv2.resize(np.random.default_rng(4).integers(30, 220, (50, 40)).astype(np.uint8), (160, 200))
+
+    def picture(count: float, right: int = 0, down: int = 0) -> NDArray[np.uint8]:
+        row = drawn.picture(count).astype(np.uint8)
+        scene = texture.copy()
+        scene[: row.shape[0], : row.shape[1]] = row
+        return np.roll(scene, (down, right), axis=(0, 1))
+
+    pictures = {"p.png": picture(1206), "other.png": picture(3405, 5, 3)}
+
+    def look(window: str) -> Print:
+        own = f'shows: "1206", also: [{{picture: other.png, shows: "3405"{window}}}], text: true'
+        anchored = panel_of(own).replace("[0, 0, 16, 16]", "[100, 80, 40, 40]")
+        reader = reader_from_panel(PanelPictures(parse_panel(anchored), pictures, ""), Method.NORMXCORR)
+        taught = reader.appearance.pictures["squawk"]
+        assert isinstance(taught, Print)
+        return taught
+
+    careful, careless, left_out = (
+        look(f", window: {corners}" if corners else "")
+        for corners in ("[[13, 11], [68, 11], [68, 34], [13, 34]]", "[[15, 9], [70, 9], [70, 32], [15, 32]]", "")
+    )
+
+    assert np.array_equal(careful.levels, careless.levels)
+    assert np.array_equal(careful.levels, left_out.levels)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from decoder.imaging.alignment import IDENTITY
+from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.resampling import inside
 from decoder.imaging.thresholds import HALF, TRUSTED_SIGMAS
 from decoder.imaging.unwrapping import UnwrappedGauge, Unwrapper, WindowGrid
@@ -27,6 +27,7 @@ from decoder.panel.arrays import Floats, Mask
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.printed import Printed, drums_at
+from decoder.panel.kinds.straight import Corners
 from decoder.panel.thresholds import LEAST_VALUE
 from decoder.panel.window import check_corners
 from decoder.registration.thresholds import SCORE_THRESHOLD
@@ -160,15 +161,24 @@ def _taught_by(drawn: DrawnInstrument, place: int) -> UnwrappedGauge:
     is_alike = picture.shape == source.picture.shape
     if taught.window is None and not is_alike:
         raise PanelError(path, "is a picture of another size than the panel picture: give its `window`")
-    corners = taught.window or drawn.window.corners
+    corners, optics = taught.window or drawn.window.corners, source.optics.own if is_alike else IDENTITY
+    found = source.places.get(taught.picture)
+    if found is not None and (taught.window is None or _is_near(corners, found, drawn.window)):
+        corners, optics = drawn.window.corners, found
     try:
         grid = replace(drawn.window, corners=check_corners(corners))
     except ValueError as error:
         raise PanelError(f"{path}.window", str(error)) from error
-    optics = source.optics.own if is_alike else IDENTITY
     if not inside(grid.rim(), optics, width, height):
         raise PanelError(path, f"has a window outside its {width} x {height} picture; check where it is drawn")
     return Unwrapper([grid]).unwrap(picture, optics)[0]
+
+
+def _is_near(corners: Corners, found: Alignment, window: WindowGrid) -> bool:
+    """Whether a window drawn by hand is about where the panel's lies in a picture, which then is surer."""
+    there = np.array([found.to_frame(corner) for corner in window.corners])
+    height_px = math.dist(there[0], there[-1])
+    return float(np.abs(np.array(corners) - there).max()) <= HALF * height_px
 
 
 def _printed(gauge: Gauge) -> Printed:
