@@ -57,6 +57,7 @@ class PrintedReader:
         else:
             statuses, values = statuses & agrees, counts
             sigmas = np.hypot(self._sigmas_px(scores[:, -1]), place_sigmas_px) / (self._print.pitch * self._row_px)
+            sigmas = np.hypot(sigmas, UNIFORM_SIGMA / DIGITS)  # pictures' counts are given to a tenth of a digit
             # Drums at zero are found slightly below it as often as above; that is not the highest count.
             turn = float(DIGITS) ** places.shape[1]
             values = np.where(counts + TRUSTED_SIGMAS * sigmas >= turn, 0.0, counts)
