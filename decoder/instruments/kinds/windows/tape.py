@@ -583,7 +583,7 @@ def _still(windows: Sequence[Floats]) -> Floats:
     """(along, across): 1 where windows show the same in most frames, whatever the tape does, else 0.
 
     That is an edge; or the inside of what lies over the tape, if its level is further from what is beside it along the
-    window than the tape's levels usually move: it would match at every position.
+    window than the tape's levels usually move, and it outweighs all that moves: it would match at every position.
     """
     views = np.stack(windows)
     middle = median_of(views)
@@ -598,6 +598,7 @@ def _still(windows: Sequence[Floats]) -> Floats:
     usual = np.sqrt(np.mean(np.square(off), axis=(0, 1)))
     is_edge = (edge > NOISE_LEVELS) & (moves < edge / 2)
     is_over = (beside > OUTLIER_SPREADS * np.maximum(usual, NOISE_LEVELS)) & (moves < beside / 2)
+    is_over &= np.square(beside[is_over]).sum() > np.square(off).mean(axis=0).sum()
     grown = (
         cv2.dilate(still.astype(np.float32), np.ones(reach, np.uint8))
         for still, reach in ((is_edge, (3, 1)), (is_over, (5, 5)))
