@@ -51,21 +51,30 @@ class Drawn:
     at: tuple[float, float] = (12.0, 8.0)
     dead: tuple[tuple[int, str], ...] = ()
     """Cells and their segments that never light."""
+    forms: tuple[tuple[str, str], ...] = ()
+    """Digits that are drawn otherwise than usual, and their segments."""
+    points: tuple[int, ...] = ()
+    """Cells behind which a point is lit though the pattern has none."""
 
     def picture(self, text: str) -> Floats:
-        """(R, C) float32 in [0, 1]: a picture of the panel that shows a text, sign by sign as the pattern has them."""
+        """(R, C) float32 in [0, 1]: a picture of the panel that shows a text, sign by sign as the pattern has them.
+
+        A blank in place of a point leaves it dark.
+        """
         rows, columns = round(self.height + 21), round(24 + self.pitch * len(self.pattern))
         canvas = np.zeros((rows * FINE, columns * FINE), np.uint8)
         x, cell = self.at[0], 0
         for own, sign in zip(text, self.pattern, strict=True):
             if sign not in CELLS:
-                if sign == ".":
+                if own == ".":
                     self._dot(canvas, x - 0.3 * self.pitch)
                 x += 0.4 * self.pitch
                 continue
-            for name in LIT[own]:
+            for name in {**LIT, **dict(self.forms)}[own]:
                 if (cell, name) not in self.dead:
                     self._bar(canvas, x, BARS[name])
+            if cell in self.points:
+                self._dot(canvas, x + 0.6 * self.pitch)
             x, cell = x + self.pitch, cell + 1
         fine = cv2.GaussianBlur(canvas.astype(np.float32) / 255.0, (0, 0), 0.5 * FINE)
         return cv2.resize(fine, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)

@@ -113,6 +113,66 @@ def test_a_dead_segment_makes_no_other_digit(dead: tuple[int, str], least: int) 
     assert sum(one is not None for one in found) >= least
 
 
+def test_a_display_that_moves_its_point_is_not_read(taught: tuple[WindowGrid, Display]) -> None:
+    """Without the point that is described, or with another one, the digits mean something else."""
+    grid, display = taught
+    whole = Digits(name="dme_nm", pattern="000", shows="128")
+    drawn = Drawn(pattern="000")
+    plain = known(whole, drawn.grid(), exposed(drawn.picture("128")))
+    tenths = [Drawn(pattern="000", points=points).picture("128") for points in ((), (0,), (1,))]
+
+    without = read(DIGITS, display, [sampled(grid, exposed(PLAIN.picture(text))) for text in ("118.30", "118 30")])
+    found = read(whole, plain, [sampled(drawn.grid(), exposed(one)) for one in tenths])
+
+    assert [told(one) for one in without] == ["118.30", None]
+    assert [one.status for one in found] == [Status.READ, Status.MISSING, Status.MISSING]
+
+
+@pytest.mark.parametrize(("digit", "form"), [("7", "abcf"), ("6", "cdefg"), ("9", "abcfg")])
+def test_the_flight_tells_how_a_digit_is_drawn_that_the_panel_picture_does_not_show(digit: str, form: str) -> None:
+    """A display that draws a digit in another way than most is read like any other."""
+    drawn = Drawn(forms=((digit, form),))
+    grid = drawn.grid()
+    texts = [f"11{own}.{digit}{digit}" for own in "012345"] + VALUES
+    frames = [sampled(grid, exposed(drawn.picture(text), seed=number)) for number, text in enumerate(texts)]
+    display = known(DIGITS, grid, exposed(drawn.picture(SHOWS)))
+    assert display is not None
+
+    found = read(DIGITS, display.taught(np.stack(frames[:6])), frames)
+
+    assert [told(one) for one in found] == texts
+
+
+def test_one_frame_in_mid_change_breaks_no_segment() -> None:
+    """Segments that fade are dark for a moment; a broken one stays dark."""
+    grid = PLAIN.grid()
+    one, next_one = PLAIN.picture("118.34"), PLAIN.picture("118.36")
+    fading = exposed(np.minimum(one, next_one) + 0.3 * np.abs(one - next_one))
+    frames = [sampled(grid, exposed(PLAIN.picture(text), seed=number)) for number, text in enumerate(VALUES)]
+    display = known(DIGITS, grid, exposed(PLAIN.picture(SHOWS)))
+    assert display is not None
+
+    own = display.taught(np.stack([*frames, sampled(grid, fading), *frames]))
+
+    assert [told(one) for one in read(DIGITS, own, frames)] == VALUES
+
+
+def test_digits_with_a_dead_segment_teach_nothing() -> None:
+    """A flight that shows mostly eights without a segment makes no nines of threes, nor threes of nines."""
+    drawn = Drawn(dead=((4, "f"),))
+    grid, glow = drawn.grid(), 0.08 * PLAIN.picture("888.88")
+    texts = ["118.38", "109.48", "112.68", "117.98", "108.18", "118.33", "116.83", "113.53", "118.39", "116.81"]
+    shown = [np.maximum(drawn.picture(text), glow) for text in texts]
+    frames = [sampled(grid, exposed(one, seed=number)) for number, one in enumerate(shown)]
+    display = known(DIGITS, grid, exposed(np.maximum(drawn.picture(SHOWS), glow)))
+    assert display is not None
+
+    found = [told(one) for one in read(DIGITS, display.taught(np.stack(frames[:8])), frames)]
+
+    assert {one for one in zip(found, texts, strict=True) if one[0] not in (None, one[1])} == set()
+    assert found[-1] == texts[-1]
+
+
 def test_a_reflection_across_it_is_read_through_or_nothing_is(taught: tuple[WindowGrid, Display]) -> None:
     """Light may vary along the window; hidden digits are missing."""
     grid, display = taught

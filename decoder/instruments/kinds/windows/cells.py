@@ -31,8 +31,8 @@ class Seen:
 
     Attributes
     ----------
-    symbols
-        (F, N): the best digit.
+    symbols, ways
+        (F, N): the best digit, and the way to draw it.
     scores
         (F, N): its NCC.
     gains
@@ -44,15 +44,19 @@ class Seen:
         (F, N): the ratio of what the second best digit leaves unexplained to what the best does.
     strays
         (F, N, 7): the excess of each segment, relative to that brightness; negative where it is missing.
+    points
+        (F, N - 1): how bright a decimal point between neighbours is, in grey levels.
     """
 
     symbols: Indices
+    ways: Indices
     scores: Floats
     gains: Floats
     contents: Floats
     lefts: Floats
     worse: Floats
     strays: Floats
+    points: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,8 @@ class Cells:
         (N, H * S, 7): how much of each digit there is in a segment, and the square of the rest of the segment.
     alike
         (S,): the digit that each way draws.
+    dots
+        (N - 1, R * C): weights of pixels that add up to a point's brightness, whatever its neighbours show.
     sign
         -1 where digits are dark.
     """
@@ -87,6 +93,7 @@ class Cells:
     shared: Floats
     besides: Floats
     alike: Indices
+    dots: Floats
     sign: float
 
     @classmethod
@@ -132,6 +139,7 @@ class Cells:
             shared.reshape(len(strokes), -1, len(NAMES)).astype(np.float32),
             besides.reshape(len(strokes), -1, len(NAMES)).astype(np.float32),
             np.array([int(digit) for digit, _ in drawings]),
+            _dots(own, x, y, middles),
             sign,
         )
 
@@ -157,7 +165,28 @@ class Cells:
         strays /= np.maximum(gains, LEAST_VALUE)[..., None]
         contents = lengths / self.lengths.min(axis=1)
         lefts = contents * np.sqrt(np.maximum(1 - first**2, 0.0))
-        return Seen(symbols, first, gains, contents, lefts, worse, strays)
+        points = np.vecdot(np.asarray(flat[:, None], np.float32), self.dots) * self.sign
+        return Seen(symbols, best % len(self.alike), first, gains, contents, lefts, worse, strays, points)
+
+
+def _dots(own: Segments, x: Floats, y: Floats, middles: Floats) -> Floats:
+    """(N - 1, P): the weights of `dots`, for pixels at x, y."""
+    dots = np.zeros((len(middles) - 1, len(x)), np.float32)
+    for weights, left, right in zip(dots, middles, middles[1:], strict=False):
+        high = own.shape.across + BESIDE
+        near = np.flatnonzero((np.abs(y - own.shape.height / 2) <= high) & (x >= left) & (x <= right))
+        across, down = x[near], y[near]
+        others = [
+            np.ones(len(near)),
+            across,
+            down,
+            *own.strokes(across - left, down),
+            *own.strokes(across - right, down),
+        ]
+        alone = own.dot(across, down, left, right)
+        alone -= np.transpose(others) @ np.linalg.lstsq(np.transpose(others), alone)[0]
+        weights[near] = alone / max(float(alone @ alone), LEAST_VALUE)
+    return dots
 
 
 def _shifts(pitch: float) -> list[tuple[float, float]]:

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.kinds.windows.cells import Cells, Seen
 from decoder.instruments.kinds.windows.segments import NAMES, SHAPES, Known, Segments, fitted, found, left_over, lit
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, HALF_LIT
-from decoder.matching.thresholds import MIN_LIGHT_GAIN
+from decoder.matching.thresholds import MIN_LIGHT_GAIN, MIN_VIEWS
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
@@ -101,37 +102,64 @@ class Display:
 
     def _told(self, cells: Seen) -> tuple[Mask, Mask]:
         """(F, N) each: whether a cell certainly shows a digit, and whether it is blank."""
-        gains = cells.gains / abs(self.gain)
-        likely = (cells.scores >= SCORE_THRESHOLD) & (gains >= MIN_LIGHT_GAIN)
-        ordered = np.sort(np.where(likely, gains, np.inf), axis=1)
-        middle = np.maximum(likely.sum(axis=1, keepdims=True) - 1, 0) // 2
-        usual = np.take_along_axis(ordered, middle, axis=1)  # infinite where nothing is seen
-        whole = gains > HALF * usual
+        likely, usual = self._usual(cells)
+        whole = cells.gains > HALF * usual
         alone = (cells.worse >= CLEARLY_WORSE) & (np.abs(cells.strays).max(axis=2) <= HALF_LIT)
         doubtful = np.take_along_axis(self._doubtful, cells.symbols.T, axis=1).T
-        return likely & whole & alone & ~doubtful, self._nothing(cells, likely, usual)
+        certain = likely & whole & alone & ~doubtful & self._as_described(cells.points / usual)[:, None]
+        return certain, self._nothing(cells, likely, usual)
+
+    def _usual(self, cells: Seen) -> tuple[Mask, Floats]:
+        """(F, N) and (F, 1): which cells likely show digits, and their usual brightness; infinite if none does."""
+        likely = (cells.scores >= SCORE_THRESHOLD) & (cells.gains >= MIN_LIGHT_GAIN * abs(self.gain))
+        ordered = np.sort(np.where(likely, cells.gains, np.inf), axis=1)
+        middle = np.maximum(likely.sum(axis=1, keepdims=True) - 1, 0) // 2
+        return likely, np.take_along_axis(ordered, middle, axis=1)
+
+    @cached_property
+    def _points(self) -> Floats:
+        """(N - 1,): how bright decimal points are in the panel picture, relative to its segments."""
+        cells = self.seen(self.drawn[None])
+        points: Floats = (cells.points / self._usual(cells)[1])[0]
+        return points
+
+    def _as_described(self, points: Floats) -> Mask:
+        """(F,): whether no decimal point went out, or came up between cells with no sign between them."""
+        described = np.isin(np.arange(points.shape[1]), self.segments.points)
+        out = described & (self._points >= MIN_LIGHT_GAIN) & (points < HALF * self._points)
+        close = np.diff(self.segments.cells[:, 1]) == 0
+        other: Mask = (out | (close & (points > self._points + MIN_LIGHT_GAIN))).any(axis=1)
+        return ~other
 
     def taught(self, strips: Floats) -> Display:
         """Learn from a sample's frames (F, R, C) what the digits look like, and which segments never light."""
         if len(strips) < FRAMES_TO_LEARN:
             return self
+        own = self._fitted(strips)
+        seen = own.seen(np.concatenate([self.drawn[None], strips]))
+        return replace(own, broken=self.mistaken[:, None] | own.dark(seen))
+
+    def _fitted(self, strips: Floats) -> Display:
+        """Fit it to frames that clearly show digits; unchanged if there are none, or if they contradict the picture."""
         cells = self.seen(strips)
         shown = self._shown(cells)
         texts = Counter(map(tuple, shown[(shown >= 0).any(axis=1)].tolist()))
         if not texts:
             return self
-        known = []
+        known, drawings = [], {**self._forms(cells.ways[shown >= 0]), **self.drawings}
         for text in _most_telling(texts):
             own = (shown == text).all(axis=1)
             symbols = [DIGITS[number] if number >= 0 else " " for number in text]
-            known.append(Known(strips[own].mean(axis=0), lit(symbols, self.drawings)))
+            known.append(Known(strips[own].mean(axis=0), lit(symbols, drawings)))
         fit = fitted(self.segments, known, rounds=LEARNING_ROUNDS)
         if not fit.gain * self.gain > 0:
             return self
         better = replace(self, segments=fit.segments, gain=fit.gain, ground=left_over(fit.segments, known))
-        if (better.mistaken & ~self.mistaken).any():
-            return self
-        return replace(better, broken=self.broken | better.dark(better.seen(strips)))
+        return self if (better.mistaken & ~self.mistaken).any() else better
+
+    def _forms(self, ways: Indices) -> dict[str, str]:
+        """Return the segments of each digit seen, as most are drawn: a display has one form of each."""
+        return dict(self._drawings[way] for way, _ in reversed(Counter(ways.tolist()).most_common()))
 
     @property
     def mistaken(self) -> Mask:
@@ -142,9 +170,9 @@ class Display:
 
     def _shown(self, cells: Seen) -> Indices:
         """(F, N): what is likely shown; the whole row is blank if any cell shows neither a digit nor nothing."""
-        gains = cells.gains / abs(self.gain)
-        likely = (cells.scores >= SCORE_THRESHOLD) & (gains >= MIN_LIGHT_GAIN)
-        nothing = self._nothing(cells, likely, gains.max(axis=1, keepdims=True)) & self.may_be_blank
+        likely, _ = self._usual(cells)
+        nothing = self._nothing(cells, likely, cells.gains.max(axis=1, keepdims=True)) & self.may_be_blank
+        likely &= np.abs(cells.strays).max(axis=2) <= HALF_LIT
         whole = (likely | nothing).all(axis=1, keepdims=True)
         return np.where(likely & whole, cells.symbols, BLANK)
 
@@ -152,14 +180,19 @@ class Display:
         """(F, N): whether a cell contains less than half of a usual digit, beyond what digits leave unexplained."""
         noise = np.where(likely, cells.lefts, 0.0).max(axis=1, keepdims=True)
         beyond = np.sqrt(np.maximum(cells.contents**2 - noise**2, 0.0))
-        nothing: Mask = beyond < HALF * usual * abs(self.gain)
+        nothing: Mask = beyond < HALF * usual
         return nothing
 
     def dark(self, cells: Seen) -> Mask:
-        """(N, 7): segments that are dark in a frame in which all others make a digit that needs them."""
+        """(N, 7): segments that stay dark in successive frames in which all others make a digit that needs them."""
         missing, rest = cells.strays < HALF_LIT - 1, np.abs(cells.strays) <= HALF_LIT
-        one = (missing.sum(axis=2) == 1) & (missing | rest).all(axis=2) & (cells.scores >= LIKELY_SCORE)
-        dark: Mask = (missing & one[..., None]).any(axis=0)
+        fits = (missing.sum(axis=2) <= 1) & (missing | rest).all(axis=2) & (cells.scores >= LIKELY_SCORE)
+        ways = np.array([[name in way for name in NAMES] for _, way in self._drawings])
+        needed = ways[cells.ways] & fits[..., None]
+        dark = np.zeros(needed.shape[1:], bool)
+        for cell, place in np.argwhere(needed.any(axis=0)).tolist():
+            own = missing[needed[:, cell, place], cell, place]
+            dark[cell, place] = sliding_window_view(own, min(len(own), MIN_VIEWS)).all(axis=1).any()
         return dark
 
 
@@ -218,5 +251,5 @@ def in_picture(strip: Floats, row: Row, margin: int) -> Display | None:
         drawn=strip,
         shown=np.array([BLANK if symbol == " " else DIGITS.index(symbol) for symbol in row.symbols]),
     )
-    own = replace(own, broken=own.broken | own.mistaken[:, None] | own.dark(own.seen(strip[None])))
+    own = replace(own, broken=own.mistaken[:, None] | own.dark(own.seen(strip[None])))
     return own if own.mistaken.sum() <= (count - 1) // 2 else None

@@ -140,13 +140,15 @@ class Segments:
         strokes *= self.strengths.reshape(7, *[1] * x.ndim)
         return strokes
 
+    def dot(self, x: Floats, y: Floats, left: float, right: float) -> Floats:
+        """Return how much a decimal point between two cells covers of pixels."""
+        own = self.shape
+        across = _bar(x - (left + right) / 2, own.upright, own.softness)
+        return across * _bar(y - own.height / 2, own.across, own.softness)
+
     def dots(self, x: Floats, y: Floats, middles: Floats) -> Floats:
         """Return how much decimal points cover of pixels."""
-        own, covered = self.shape, np.zeros_like(x)
-        for cell in self.points:
-            between = (middles[cell] + middles[cell + 1]) / 2
-            covered += _bar(x - between, own.upright, own.softness) * _bar(y - own.height / 2, own.across, own.softness)
-        return covered
+        return sum((self.dot(x, y, *middles[cell : cell + 2]) for cell in self.points), np.zeros_like(x))
 
     def vector(self) -> Floats:
         """(12 + N + 7,): all fitted parameters."""
