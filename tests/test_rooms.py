@@ -49,6 +49,7 @@ CONVERSIONS = {
     "READ",
     "ROWS_OF_BLOCKS",
     "UNIFORM_SIGMA",
+    "WHITE",
 }
 LIMITING = {"min", "max", "clip", "minimum", "maximum", "limited"}
 # The rooms that may name a kind of instrument, and where each kind is written there.

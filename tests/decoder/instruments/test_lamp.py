@@ -53,6 +53,24 @@ def glass(light: float, *, haze: float = 0.0, beside: int = 0, seed: int = 0) ->
     return np.clip(cv2.GaussianBlur(words, (0, 0), 1.0) + haze + noise, 0.0, 255.0)
 
 
+def plain(light: float, *, sun: float = 1.0, seed: int = 0) -> Floats:
+    """A lamp in its bezel with no print beside it."""
+    frame = drawn(light, sun=sun, seed=seed)
+    frame[:6] = frame[-6:]
+    return frame
+
+
+def card(seed: int) -> Floats:
+    """A pale card over the window and all around it."""
+    return np.random.default_rng(seed).normal(145.0, 2.0, (GRID.rows, GRID.columns)).astype(np.float32)
+
+
+def led(light: float, *, sun: float = 1.0, seed: int = 0) -> Floats:
+    """A pale lens, as good as white in the sun, that is white when lit."""
+    lens = cv2.GaussianBlur((drawn(0.0) < 40.0).astype(np.float32), (0, 0), 1.0)
+    return np.clip(glowing(light, sun=sun, seed=seed) + 170.0 * sun * lens, 0.0, 255.0)
+
+
 def sample(*lights: float) -> list[Floats]:
     """Frames in changing sun."""
     return [drawn(light, sun=0.5 + 0.07 * number, seed=number + 1) for number, light in enumerate(lights)]
@@ -250,6 +268,53 @@ def test_what_lies_over_it_makes_it_missing() -> None:
 
     for found in read(TAUGHT, hand, reflected):
         assert found["low_fuel_on"].status is Status.MISSING or found["low_fuel_on"].angle_deg == 0.0
+
+
+def test_a_white_lamp_in_glare_is_not_lit() -> None:
+    """A lens that glare makes as white as its lamp does is not read; in dull light it is off."""
+    lamp = Lamp(name="low_fuel_on", lit=True)
+    suns, is_lit = [0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 0.8, 0.7, 0.8, 0.9, 1.3, 1.35], [True] * 7 + [False] * 5
+    frames = [led(120.0 * on, sun=sun, seed=seed) for seed, (sun, on) in enumerate(zip(suns, is_lit, strict=True), 1)]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, led(120.0)))
+
+    glare = [led(0.0, sun=sun, seed=50) for sun in (0.8, 1.0, 1.2, 1.3, 1.4, 1.5)]
+    dull, *off = (own["low_fuel_on"] for own in read(taught, *glare, lamp=lamp))
+
+    assert (dull.status, dull.angle_deg) == (Status.READ, 0.0)
+    assert all(own.status is Status.MISSING or own.angle_deg == 0.0 for own in off)
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_a_card_over_it_for_a_while_costs_no_other_frame(*, lit: bool) -> None:
+    """Frames in which it is covered are missing, and all others are read, in either state."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+    frames = [plain(80.0 * (n >= 6), sun=0.9 + 0.02 * n, seed=n + 1) for n in range(12)]
+    taught = learn_lamp(lamp, GRID, [*frames, card(20), card(21)], first_lamp(lamp, GRID, plain(80.0 * lit)))
+    *found, hidden = read(taught, *frames, card(22), lamp=lamp)
+
+    assert [(own["low_fuel_on"].status, own["low_fuel_on"].angle_deg) for own in found] == [
+        *[(Status.READ, 0.0)] * 6,
+        *[(Status.READ, 1.0)] * 6,
+    ]
+    assert hidden["low_fuel_on"].status is Status.MISSING
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_glare_on_its_glass_is_no_light_of_its_own(*, lit: bool) -> None:
+    """A sample's few frames of glare on black glass are missing or right, and all others are read."""
+    lamp = Lamp(name="low_fuel_on", lit=lit)
+
+    def glaring(light: float, glare: float = 0.0, seed: int = 0) -> Floats:
+        frame = glass(light, haze=25.0, seed=seed)
+        frame[GRID.within] += glare
+        return frame
+
+    frames = [glaring(light, 40.0 * (n % 6 == 0), n + 1) for n, light in enumerate([0.0] * 6 + [150.0] * 12)]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, glaring(150.0 * lit)))
+    for light in (0.0, 150.0):
+        clear, glare = (own["low_fuel_on"] for own in read(taught, glaring(light), glaring(light, 40.0), lamp=lamp))
+        assert (clear.status, clear.angle_deg) == (Status.READ, float(light > 0))
+        assert glare.status is Status.MISSING or glare.angle_deg == float(light > 0)
 
 
 def test_frames_beside_it_change_nothing() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -19,7 +19,13 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import BEYOND_CHANCE_SPREADS, CLEARLY_WORSE, DIMMEST_LEVELS, FRAMES_TO_LEARN
+from decoder.instruments.thresholds import (
+    BEYOND_CHANCE_SPREADS,
+    CLEARLY_WORSE,
+    DIMMEST_LEVELS,
+    FRAMES_TO_LEARN,
+    SATURATED_LEVEL,
+)
 from decoder.matching.correlation import products
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, MIN_LIGHT_GAIN, MIN_VIEWS
 from decoder.panel.arrays import Floats, Mask
@@ -67,9 +73,12 @@ class LampPicture:
         The usual residual variance around the window after fitting the light there.
     others
         How far its other state may be, if the sample shows it: twice where either may be so.
+    shape, inside
+        (r, c): what that state adds to each pixel per grey level told, and each pixel's usual variance that this does
+        not explain.
     is_doubtful
-        Whether the sample shows it darker than off, or brighter than lit, so that the panel states the wrong state; or
-        often between both, so that more than its state changes.
+        Whether the sample shows it darker than off, or brighter than lit, and not far more often in its other state, so
+        that the panel states the wrong state; or often between both, so that more than its state changes.
     """
 
     drawn: UnwrappedGauge
@@ -80,17 +89,23 @@ class LampPicture:
     shining: float
     left: float = NOISE_LEVELS**2
     others: tuple[Other, ...] = ()
+    shape: Floats | None = None
+    inside: Floats | float = math.inf
     is_doubtful: bool = False
 
     def told(self, added: Added) -> Floats:
         """(F,): how much light the window adds, grey levels."""
-        levels = added.levels - self.response * (added.gain - 1.0)[:, None, None]
-        told: Floats = (levels * self.weights).sum(axis=(1, 2))
+        weights = self.weights * added.is_clear(self.response)
+        told: Floats = (added.levels(self.response) * weights).sum(axis=(1, 2)) / self._clear(added)
         return told
 
     def sigmas(self, added: Added) -> Floats:
-        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge."""
-        sigmas: Floats = np.sqrt(self.sigma**2 + self._unusual(added.left) / PATCHES)
+        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge.
+
+        It is larger, too, the less of the window tells, and if the window looks like neither state, as in glare.
+        """
+        unusual = self._unusual(added.left) + np.maximum(self.unlike(added) - self.inside, 0.0).mean(axis=(1, 2))
+        sigmas: Floats = np.sqrt(self.sigma**2 / self._clear(added) + unusual / PATCHES)
         return sigmas
 
     def between(self, added: Added) -> tuple[Floats, Floats]:
@@ -107,6 +122,20 @@ class LampPicture:
         shown = added.shown + NOISE_LEVELS**2
         scores: Floats = np.sqrt(shown / (shown + self._unusual(added.left)))
         return scores
+
+    def unlike(self, added: Added) -> Floats:
+        """(F, r, c): squares of what no amount of the lamp's light explains in the window, none if that is unknown."""
+        if self.shape is None:
+            return np.zeros_like(added.seen)
+        levels = added.levels(self.response) * added.is_clear(self.response)
+        lit = (levels * self.shape).sum(axis=(1, 2)) / np.square(self.shape).sum()
+        unlike: Floats = np.square(levels - lit[:, None, None] * self.shape)
+        return unlike
+
+    def _clear(self, added: Added) -> Floats:
+        """(F,): how much of what usually tells still tells."""
+        clear: Floats = (self.weights * added.is_clear(self.response)).sum(axis=(1, 2))
+        return np.maximum(clear, np.finfo(np.float64).eps)
 
     def _unusual(self, left: Floats) -> Floats:
         unusual: Floats = np.maximum(left - self.left, 0.0)
@@ -127,20 +156,35 @@ class Other:
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """Light beyond the panel picture's in F frames: (F, r, c) per pixel.
+    """What windows show in F frames, (F, r, c), and what the panel picture does in the light around them, `expected`.
 
-    `gain` (F,) is the light around the window, `shown` the variance of the surroundings, and `left` their variance that
-    the fitted light does not explain.
+    `gain` (F,) is that light, `shown` the variance of the surroundings, and `left` their variance that the fitted light
+    does not explain.
     """
 
-    levels: Floats
+    seen: Floats
+    expected: Floats
     gain: Floats
     shown: Floats
     left: Floats
 
     def of(self, frames: Mask) -> Added:
         """Return these of the frames (F,)."""
-        return Added(self.levels[frames], self.gain[frames], self.shown[frames], self.left[frames])
+        return Added(*(getattr(self, each.name)[frames] for each in fields(self)))
+
+    def levels(self, response: Floats | float = 0.0) -> Floats:
+        """(F, r, c): light beyond the panel picture's in a window of that response, which shows no more than white."""
+        levels: Floats = self.seen - np.minimum(self._expected(response), WHITE)
+        return levels
+
+    def is_clear(self, response: Floats | float) -> Mask:
+        """(F, r, c): which pixels tell more light from less: not those that are white and should be."""
+        is_clear: Mask = np.minimum(self.seen, self._expected(response)) < SATURATED_LEVEL
+        return is_clear
+
+    def _expected(self, response: Floats | float) -> Floats:
+        expected: Floats = self.expected + response * (self.gain - 1.0)[:, None, None]
+        return expected
 
 
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady: Floats) -> Added:
@@ -160,13 +204,14 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady:
     beside = _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
     spilt = SPILT_LIGHT * np.maximum(_stands_out(grid, strips), _stands_out(grid, drawn))
     light = _light(terms[beside], strips[:, beside].astype(np.float64), steady[beside], spilt)
-    beyond = strips[:, *grid.within] - np.einsum("fi,rci->frc", light, terms[grid.within])
-    beside_it = SPILT_PART * np.abs(beyond.mean(axis=(1, 2)))[:, None] * ~beside[around]
+    own, expected = strips[:, *grid.within], np.einsum("fi,rci->frc", light, terms[grid.within])
+    beyond = np.abs((own - np.minimum(expected, WHITE)).mean(axis=(1, 2)))
+    beside_it = SPILT_PART * beyond[:, None] * ~beside[around]
     seen = strips[:, around].astype(np.float64)
     left = np.maximum(np.abs(seen - light @ terms[around].T) - beside_it, 0.0)
     weights = steady[around] / steady[around].sum()
     shown = seen - (seen @ weights)[:, None]
-    return Added(beyond, light[:, 0] / WHITE, np.square(shown) @ weights, np.square(left) @ weights)
+    return Added(own, expected, light[:, 0] / WHITE, np.square(shown) @ weights, np.square(left) @ weights)
 
 
 def _steady(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Floats:
@@ -242,14 +287,29 @@ def _shining(grid: WindowGrid, drawn: UnwrappedGauge) -> Floats:
 def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
     """Learn from a sample's frames (R, C) how either state looks, and which pixels tell most.
 
-    What the light on the panel does to the window is first told from all frames and, once they are told apart, from
-    those alone that show the panel picture's state.
+    Frames in which something else lies over the panel teach nothing. Those that show the window darker than off, or
+    brighter than lit, teach that the panel states the wrong state, unless far more show the other one where it should
+    be: then they are odd, as in glare.
     """
     if len(strips) < FRAMES_TO_LEARN:
         return known
     steady = _steady(grid, known.drawn, np.stack(strips))
     added = added_light(grid, known.drawn, np.stack(strips), steady)
     known = replace(known, steady=steady, left=float(np.median(added.left)))
+    added = added.of(known.scores(added) >= SCORE_THRESHOLD)
+    is_odd, is_other = (_is_beyond(lamp, known, added, side) for side in (-1, 1))
+    if CLEARLY_WORSE * is_odd.sum() > is_other.sum():
+        return replace(known, is_doubtful=True)
+    added = added.of(~is_odd)
+    return known if len(added.gain) < FRAMES_TO_LEARN else _told_apart(lamp, grid, known, added)
+
+
+def _told_apart(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Added) -> LampPicture:
+    """Learn what the light on the panel does to the window, and so tell its states apart.
+
+    It is first told from all frames and, once they are told apart, from those alone that show the panel picture's
+    state.
+    """
     usual = known.response
     response = _response(added, known, grid, most=HALF * usual) if lamp.lit else usual
     learned = _with_response(lamp, grid, known, added, response)
@@ -265,8 +325,9 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
 
 def _with_response(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Added, response: Floats) -> LampPicture:
     """Weigh the pixels by how much they tell, and learn what its states look like."""
-    levels = added.levels - response * (added.gain - 1.0)[:, None, None]
-    weights = 1.0 / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
+    levels = added.levels(response)
+    clear = np.maximum(added.is_clear(response).mean(axis=0), np.finfo(np.float64).eps)
+    weights = clear / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
     shining = _shining(grid, known.drawn)
     weights *= (shining if lamp.lit else np.ptp(levels, axis=0)) + NOISE_LEVELS  # by how much each changes
     weights /= weights.sum()
@@ -283,15 +344,25 @@ def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
     is_seen = away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)
     if is_seen.any():
         seen = [Other(power, float(np.median((away / _grown(added, power))[is_seen]))) for power in powers]
-        learned = replace(learned, others=tuple(seen))
-    whole = added.levels.mean(axis=(1, 2))  # unweighted: if the state is wrong, so are the most telling pixels
-    is_wrong = bool(((-whole if lamp.lit else whole) <= -DIMMEST_LEVELS).any())
-    sure = BEYOND_CHANCE_SPREADS * learned.sigma
+        lights = added.levels(learned.response)[is_seen] / learned.told(added)[is_seen, None, None]
+        learned = replace(learned, others=tuple(seen), shape=np.median(lights, axis=0))
+        learned = replace(learned, inside=MAD_TO_SIGMA**2 * np.median(learned.unlike(added), axis=0))
+    sure = BEYOND_CHANCE_SPREADS * learned.sigmas(added)
     is_between = (np.abs(away) > sure) & (learned.scores(added) >= SCORE_THRESHOLD)
     for other in learned.others:
         apart = other.away * _grown(added, other.power)
         is_between &= np.abs(away - apart) > np.maximum(sure, apart / 4)
-    return replace(learned, is_doubtful=is_wrong or int(is_between.sum()) >= MIN_VIEWS)
+    return replace(learned, is_doubtful=int(is_between.sum()) >= MIN_VIEWS)
+
+
+def _is_beyond(lamp: Lamp, known: LampPicture, added: Added, side: int) -> Mask:
+    """(F,): which frames' windows are surely beyond the panel picture's state, towards the other (1) or away (-1).
+
+    All pixels count equally: if the panel states the wrong state, the most telling ones are wrong too.
+    """
+    away = (-side if lamp.lit else side) * added.levels().mean(axis=(1, 2))
+    is_beyond: Mask = away >= np.maximum(BEYOND_CHANCE_SPREADS * known.sigmas(added), DIMMEST_LEVELS)
+    return is_beyond
 
 
 def _away(lamp: Lamp, learned: LampPicture, added: Added) -> Floats:
@@ -338,19 +409,24 @@ def _in_two(away: Floats, grown: Floats) -> tuple[float, float]:
 
 
 def _response(added: Added, known: LampPicture, grid: WindowGrid, *, most: Floats) -> Floats:
-    """(r, c): the slope of levels over gains, by the median over pairs of frames (Sen, 1968), near the usual if alike.
+    """(r, c): the slope of levels over gains, by the repeated median (Siegel, 1982), near the usual if they are alike.
 
+    So few frames in odd light change little. What is white is taken to respond as usual: nothing makes it brighter.
     It is at least that of a window which shows nothing but its lamp. In frames of both states it is at most that of a
     window whose brightness is half its lamp's: where levels seem to grow more with the gain, it is the lamp going out
     that dims its surroundings.
     """
-    one, other = np.triu_indices(len(added.gain), 1)
-    apart = added.gain[one] - added.gain[other]
-    is_told = np.abs(apart) >= np.median(np.abs(apart))
-    run, rise = apart[is_told, None, None], (added.levels[one] - added.levels[other])[is_told]
-    prior = EXPOSURE_PART**2
-    slopes: Floats = np.median((rise * run + known.response * prior) / (np.square(run) + prior), axis=0)
-    return np.clip(slopes, -known.drawn[grid.within], most)
+    levels, is_white = added.seen - added.expected, added.seen >= SATURATED_LEVEL
+    apart, prior = np.abs(added.gain[:, None] - added.gain), EXPOSURE_PART**2
+    is_told = apart >= np.median(apart, axis=0)
+    by_frame = []
+    for one, others in enumerate(is_told):
+        run, rise = (added.gain[others] - added.gain[one])[:, None, None], levels[others] - levels[one]
+        slopes = (rise * run + known.response * prior) / (np.square(run) + prior)
+        slopes = np.where(is_white[others] | is_white[one], known.response, slopes)
+        by_frame.append(np.median(slopes, axis=0))
+    response: Floats = np.median(by_frame, axis=0)
+    return np.clip(response, -known.drawn[grid.within], most)
 
 
 def _scatter(levels: Floats) -> Floats:
@@ -373,21 +449,22 @@ class LampReader:
         """Read F frames of the window and its surroundings, (F, R, C)."""
         picture = self._picture
         added = added_light(self._grid, picture.drawn, strips, picture.steady)
-        told = (picture.told(added), picture.sigmas(added), picture.scores(added), *picture.between(added))
+        scores = np.where(_is_beyond(self._lamp, picture, added, -1), 0.0, picture.scores(added))
+        told = (picture.told(added), picture.sigmas(added), scores, *picture.between(added))
         return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
 
     def _reading(self, level: float, sigma: float, score: float, least: float, most: float) -> dict[str, Reading]:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
 
         The state that the panel picture does not show is only read if the light is further off than a reflection's
-        flank or an uneven shadow would bring it, or is nearer to what the flight showed of it. In between, nothing is
-        read.
+        flank or an uneven shadow would bring it, or is nearer to what the flight showed of it; the one that it shows,
+        only within a quarter of the way there. In between, nothing is read.
         """
         lamp, picture = self._lamp, self._picture
         away = -level if lamp.lit else level
         if not picture.others:
             most = max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
-        is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, least)
+        is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, HALF * least if picture.others else least)
         is_other = away >= most
         is_told = (
             not picture.is_doubtful
