@@ -92,3 +92,34 @@ def test_its_value_is_drawn_across_its_window() -> None:
     ]
 
     assert np.mean(ends, axis=0) == pytest.approx([45.95, 80.0], abs=0.5)
+
+
+def filled(at_y: float, seed: int = 0) -> Floats:
+    """A printed card on which a bar rises from below to a height."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        card = 200.0 - 90.0 * (np.sin(y / 3.0) > 0.9) * (x < 40.0)
+        part = 1.0 / (1.0 + np.exp((at_y - y) / 0.5))
+        return part * 60.0 + (1.0 - part) * card
+
+    return seen(GRID, levels, seed)
+
+
+@pytest.mark.parametrize("drawn_y", [50.0, 80.0, 110.0])
+def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: float) -> None:
+    """What a bar covers is learned as the card's, wherever the bar has been shorter."""
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": drawn_y, "span": 24, "marks": MARKS}
+    )
+    slide, heights = Slide.of(gauge, grid), np.linspace(36.0, 118.0, 16)
+    strips = [filled(at_y, seed + 1) for seed, at_y in enumerate(heights.tolist())]
+    reader = SlideReader(slide, learn_linear(slide, strips, first_linear(slide, filled(drawn_y))))
+    asked = np.linspace(38.0, 116.0, 27)
+    found = reader.read(np.stack([filled(at_y, 50) for at_y in asked.tolist()]), np.zeros(len(asked)))
+    (quantity,) = gauge.quantities
+    at_px, values = np.array(quantity.marks).T
+    true_px = np.interp([value(at_y) for at_y in asked.tolist()], values, at_px)
+    off_px = [one["flap_deg"].angle_deg - px for one, px in zip(found, true_px.tolist(), strict=True)]
+
+    assert [one["flap_deg"].status for one in found] == [Status.READ] * len(asked)
+    assert np.abs(off_px).max() < 1.0

@@ -2,7 +2,8 @@
 
 Seen along its window, such a pointer only shifts, as a needle does in an unwrapped dial. So its template is searched
 for over the scale's face in the same way, fitted by least squares, and learned from the flight, as is the face that it
-passes over. A match that another place equals nearly is not trusted.
+passes over. A match that another place equals nearly is not trusted. The end of a bar is such a pointer that covers the
+scale as far as its bar goes.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.imaging.sorting import median_of
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
@@ -195,11 +197,27 @@ def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
     at_row, rows = slide.row_of(slide.own.at_px(slide.grid.corners)), odd_rows(slide.own.span / slide.row_px, 1.0)
     cut = rows_at(strip, at_row + np.arange(rows) - (rows - 1) / 2).astype(np.float32)
     layer = first_layer(cut, median_of(strip), 1.0)
-    covered = np.zeros(strip.shape, bool)
-    covered.reshape(-1)[needle_pixels(strip.shape, layer.touched, at_row)] = True
-    face = bare_face(strip, covered)
+    face = bare_face(strip, _covered(strip.shape, layer, at_row))
     pointer = cut_over(layer, _behind(face, at_row, rows))
     return LinearPicture(strip, face, pointer, pointer, at_row)
+
+
+def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float) -> Mask:
+    """(R, C): what a pointer covers with its axis on a row: its place, and all beyond it that belongs to its bar."""
+    covered = np.zeros(shape, bool)
+    covered.reshape(-1)[needle_pixels(shape, pointer.touched, row)] = True
+    before, behind = _bar_sides(pointer)
+    reach = (pointer.rows - 1) / 2
+    covered[: max(math.floor(row - reach), 0)] |= before
+    covered[min(math.ceil(row + reach) + 1, shape[0]) :] |= behind
+    return covered
+
+
+def _bar_sides(pointer: NeedleTemplate) -> tuple[bool, bool]:
+    """Whether a pointer is the end of a bar that goes on before it, or behind it: it covers all of one end only."""
+    ends = pointer.transparency[:MIN_VIEWS], pointer.transparency[-MIN_VIEWS:]
+    before, behind = (bool(np.mean(end) < HALF) for end in ends)
+    return before and not behind, behind and not before
 
 
 def _behind(face: Floats, row: float, rows: int) -> Floats:
@@ -220,8 +238,9 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
             return known
         rows = found.row[sure]
         seen = [views[index] for index in sure.tolist()]
-        covered = [needle_pixels(known.face.shape, known.pointer.touched, row) for row in rows.tolist()]
-        known = replace(known, face=learn_face(seen, covered, known.face))
+        covered = [_covered(known.face.shape, known.pointer, row) for row in rows.tolist()]
+        where = [np.flatnonzero(each) for each in covered]
+        known = replace(known, face=learn_face(seen, where, known.face))
         known = replace(known, pointer=_pointer(known, seen, rows))
     return known
 
@@ -232,6 +251,8 @@ def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
     It may have stood nearly always where the panel picture shows it; then few other views show what is behind it.
     """
     rows, at = given.given.rows, given.at_row
+    if any(_bar_sides(given.given)):
+        return given
     place = needle_pixels(given.face.shape, np.ones_like(given.given.pixels, bool), at)
     drawn = given.drawn.ravel()[place]
     off = [float(np.sqrt(np.square(view.ravel()[place] - drawn).mean())) for view in views]
