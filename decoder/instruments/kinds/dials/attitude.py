@@ -83,7 +83,7 @@ class Place:
     @property
     def is_inverted(self) -> bool:
         """Whether it is nearer to upside down than to the panel picture."""
-        return abs(math.remainder(self.turned_deg, FULL_CIRCLE_DEG)) > HALF_TURN_DEG / 2
+        return math.cos(math.radians(self.turned_deg)) < 0.0
 
 
 AS_DRAWN = Place(0.0, 0.0)
