@@ -347,3 +347,20 @@ def test_what_is_written_is_read_back(written: Written, part: float) -> None:
     value = round((low + part * (high - low)) / written.resolution) * written.resolution
 
     assert written.value_of(written.text_of(value)) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("lit", [False, True], ids=["off on the panel picture", "lit there"])
+@pytest.mark.parametrize("light", [9.0, 12.0, 20.0])
+def test_a_lamp_too_dim_to_be_told_is_never_told_wrongly(light: float, *, lit: bool) -> None:
+    """At dusk a camera may show a lit lamp as hardly brighter than a dark one: its two states are not one."""
+    lights = [light * (frame % 5 < 2) for frame in range(16)]
+    lamp = LAMP.model_copy(update={"lit": lit})
+    frames = [drawn(own, sun=0.3 - 0.01 * frame, seed=frame + 1) for frame, own in enumerate(lights)]
+    picture = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, drawn(light * lit, sun=0.3, seed=90)))
+    told = read(picture, *frames, lamp=lamp)
+
+    assert [
+        (one["low_fuel_on"].angle_deg, own)
+        for one, own in zip(told, lights, strict=True)
+        if one["low_fuel_on"].status is Status.READ and one["low_fuel_on"].angle_deg != float(own > 0)
+    ] == []

@@ -458,18 +458,21 @@ class LampReader:
 
         The state that the panel picture does not show is only read if the light is further off than a reflection's
         flank or an uneven shadow would bring it, or is nearer to what the flight showed of it; the one that it shows,
-        only within a quarter of the way there. In between, nothing is read.
+        only within a quarter of the way there. In between, nothing is read. A lamp that seems never to change scatters
+        by noise alone, or it may be too dim to be told.
         """
         lamp, picture = self._lamp, self._picture
         away = -level if lamp.lit else level
         if not picture.others:
             most = max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
-        is_same = abs(away) <= min(BEYOND_CHANCE_SPREADS * sigma, HALF * least if picture.others else least)
+        narrow = BEYOND_CHANCE_SPREADS * sigma if picture.others else HALF * BEYOND_CHANCE_SPREADS * picture.sigma
+        is_same = abs(away) <= min(narrow, HALF * least)
         is_other = away >= most
         is_told = (
             not picture.is_doubtful
             and least >= BEYOND_CHANCE_SPREADS * sigma
             and is_same != is_other
+            and (bool(picture.others) or picture.sigma <= NOISE_LEVELS)
             and (bool(picture.others) or not lamp.lit or picture.shining >= DIMMEST_LEVELS)
             and score >= SCORE_THRESHOLD
         )
