@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decoder.imaging.sorting import median_of
-from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
@@ -27,7 +26,7 @@ from decoder.matching.needle_layer import cut_over, first_layer, in_local_light,
 from decoder.matching.needle_search import peaks_of
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
 from decoder.matching.strips import blocks_of, rows_at, rows_of_each
-from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, OUTLIER_SPREADS
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, MIN_VISIBLE, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.linear import Linear
@@ -216,7 +215,7 @@ def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float) -> Mas
 def _bar_sides(pointer: NeedleTemplate) -> tuple[bool, bool]:
     """Whether a pointer is the end of a bar that goes on before it, or behind it: it covers all of one end only."""
     ends = pointer.transparency[:MIN_VIEWS], pointer.transparency[-MIN_VIEWS:]
-    before, behind = (bool(np.mean(end) < HALF) for end in ends)
+    before, behind = (bool(np.mean(end) < MIN_VISIBLE) for end in ends)
     return before and not behind, behind and not before
 
 
