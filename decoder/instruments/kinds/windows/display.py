@@ -126,7 +126,8 @@ class Display:
     def _as_described(self, points: Floats) -> Mask:
         """(F,): whether no decimal point went out, or came up between cells with no sign between them."""
         described = np.isin(np.arange(points.shape[1]), self.segments.points)
-        out = described & (self._points >= MIN_LIGHT_GAIN) & (points < HALF * self._points)
+        # A point is small, and its brightness in a single picture known to a half of it.
+        out = described & (self._points >= MIN_LIGHT_GAIN) & (points < HALF * HALF * self._points)
         close = np.diff(self.segments.cells[:, 1]) == 0
         other: Mask = (out | (close & (points > self._points + MIN_LIGHT_GAIN))).any(axis=1)
         return ~other
