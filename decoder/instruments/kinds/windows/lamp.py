@@ -104,7 +104,9 @@ class LampPicture:
 
         It is larger, too, the less of the window tells, and if the window looks like neither state, as in glare.
         """
-        unusual = self._unusual(added.left) + np.maximum(self.unlike(added) - self.inside, 0.0).mean(axis=(1, 2))
+        beyond = np.maximum(self.unlike(added) - self.inside, 0.0)
+        # A reflecting bezel is less than a quarter of a window; a card or glare is more.
+        unusual = self._unusual(added.left) + np.quantile(beyond, 1.0 - HALF * HALF, axis=(1, 2))
         sigmas: Floats = np.sqrt(self.sigma**2 / self._clear(added) + unusual / PATCHES)
         return sigmas
 
