@@ -610,8 +610,8 @@ def _put_together(
     """Compose it from frames, with one law of shifting.
 
     Few frames match a panel picture in which the symbol covers the horizon: until the last round, those that match
-    best will do. A frame that matches elsewhere about as well may be upside down, and teaches only if others are few;
-    one that seems inverted teaches nothing, unless a ring says so: its sky may be the other one's ground.
+    best will do. Without a ring, a frame that matches elsewhere about as well may be upside down, and teaches only if
+    others are few; one that seems inverted teaches nothing: its sky may be the others' ground.
     """
     known = given
     for number in range(rounds):
@@ -624,7 +624,7 @@ def _put_together(
         ]
         views = [(strip, sight) for strip, sight in in_sight if sight.score >= LIKELY_SCORE]
         alone = [(strip, sight) for strip, sight in views if sight.is_alone]
-        views = alone if len(alone) >= FRAMES_TO_LEARN else views
+        views = alone if ring is None and len(alone) >= FRAMES_TO_LEARN else views
         if len(views) < FRAMES_TO_LEARN and number < rounds - 1:
             views = sorted(in_sight, key=lambda view: -view[1].score)[:FRAMES_TO_LEARN]
         if len(views) < FRAMES_TO_LEARN or not (known.weights > HALF).any():
