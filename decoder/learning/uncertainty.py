@@ -204,6 +204,9 @@ def quantity_uncertainties(
             elif name in needles:
                 own = _of_needle(as_needle, gauge, quantity, care, is_mistaken=name in mistaken)
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
+            elif quantity.is_cut:
+                cut_deg = _hand_deg(gauge, care)
+                uncertainties[name] = replace(as_card, drawn_deg=math.hypot(as_card.drawn_deg, cut_deg))
             else:
                 uncertainties[name] = _of_shift(as_card, path, care) if quantity.is_shift else as_card
     return uncertainties

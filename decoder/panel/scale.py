@@ -213,6 +213,8 @@ class Quantity:
         How its values are written if they are not measured; they then change in steps.
     is_drawn
         Whether its marks are places that somebody drew.
+    is_cut
+        Whether it is read by something cut from where somebody saw it, so that all values share what was missed there.
     goes_on
         Whether its values go on beyond the outermost marks.
     is_shift
@@ -230,6 +232,7 @@ class Quantity:
     limits: tuple[float, float] | None = None
     written: Written | None = None
     is_drawn: bool = True
+    is_cut: bool = False
     goes_on: bool = False
     is_shift: bool = False
 
