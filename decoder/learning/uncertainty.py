@@ -204,12 +204,18 @@ def quantity_uncertainties(
             elif name in needles:
                 own = _of_needle(as_needle, gauge, quantity, care, is_mistaken=name in mistaken)
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
-            elif quantity.is_cut:
-                cut_deg = _hand_deg(gauge, care)
-                uncertainties[name] = replace(as_card, drawn_deg=math.hypot(as_card.drawn_deg, cut_deg))
             else:
-                uncertainties[name] = _of_shift(as_card, path, care) if quantity.is_shift else as_card
+                uncertainties[name] = _of_other(as_card, gauge, quantity, path, care)
     return uncertainties
+
+
+def _of_other(
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care
+) -> QuantityUncertainty:
+    """Estimate it for what is no needle; all values share what the hand missed the place of a cut by."""
+    if quantity.is_cut:
+        return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
+    return _of_shift(dial, path, care) if quantity.is_shift else dial
 
 
 def _of_needle(
