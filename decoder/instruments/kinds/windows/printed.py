@@ -164,7 +164,8 @@ def _taught_by(drawn: DrawnInstrument, place: int) -> UnwrappedGauge:
         raise PanelError(path, "is a picture of another size than the panel picture: give its `window`")
     corners, optics = taught.window or drawn.window.corners, source.optics.own if is_alike else IDENTITY
     found = source.places.get(taught.picture)
-    if found is not None and (taught.window is None or _is_near(corners, found, drawn.window)):
+    is_near = found is not None and (taught.window is None or _is_near(corners, found, drawn.window))
+    if found is not None and is_near and inside(drawn.window.rim(), found, width, height):
         corners, optics = drawn.window.corners, found
     try:
         grid = replace(drawn.window, corners=check_corners(corners))
