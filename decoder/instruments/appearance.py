@@ -191,9 +191,7 @@ class Still:
         """Return the unknown pivot."""
         return UNKNOWN
 
-    def far_pivot(
-        self, _instrument: Instrument, _own: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]
-    ) -> tuple[float, float] | None:
+    def far_pivot(self, _instrument: Instrument, _strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         """Return None."""
         return None
 

@@ -63,12 +63,10 @@ class Kind(Protocol):
         """Estimate where it turns, relative to where it is unwrapped, from a sample's frames and their readings."""
         ...
 
-    def far_pivot(
-        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
-    ) -> tuple[float, float] | None:
+    def far_pivot(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         """Return how far from its centre it turns, (x, y) px in its own plane; None if it is near, or unknown.
 
-        `own` is the gauge in the panel picture, `strips` are a sample's frames in its light.
+        `strips` are a sample's frames in the panel picture's light.
         """
         ...
 

@@ -399,8 +399,10 @@ def _around_far_pivots(
         ]
     for _ in range(FAR_ROUNDS):
         paths = [
-            path if path.is_found else path.from_afar(kind_of(gauge).far_pivot(*seen), REACH_PART * gauge.radius[1])
-            for path, gauge, seen in zip(paths, drawn, _seen(reader, samples), strict=True)
+            path
+            if path.is_found
+            else path.from_afar(kind_of(gauge).far_pivot(instrument, views), REACH_PART * gauge.radius[1])
+            for path, gauge, (instrument, _, views) in zip(paths, drawn, _seen(reader, samples), strict=True)
         ]
         if all(path.is_found for path in paths):
             break

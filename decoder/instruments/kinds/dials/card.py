@@ -442,9 +442,7 @@ class CardKind(Still):
         reader = CardReader(instrument.gauge, instrument.grid, appearance.pictures[self._name(instrument.gauge)])
         return reader.pivot([strip for strip, _, _ in frames])
 
-    def far_pivot(
-        self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
-    ) -> tuple[float, float] | None:
+    def far_pivot(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         return far_card_pivot(instrument.grid, strips)
 
     def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:

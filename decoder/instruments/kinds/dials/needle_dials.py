@@ -96,10 +96,7 @@ class NeedleKind:
         gauge, grid, face = instrument.gauge, instrument.grid, instrument.face
         return pivot_of_tilts(tilts_of(gauge, grid, face, appearance.templates, frames))
 
-    def far_pivot(
-        self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
-    ) -> tuple[float, float] | None:
-        del own
+    def far_pivot(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         return needle_pivot(instrument.grid, strips)
 
     def squeeze(self, _: Instrument, __: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:

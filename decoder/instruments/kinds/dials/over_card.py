@@ -701,9 +701,7 @@ class OverCardKind(Still):
         templates = {**appearance.templates, **picture.templates}
         return dial.needle_kind.pivot(still, replace(appearance, templates=templates), frames)
 
-    def far_pivot(
-        self, instrument: Instrument, _: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
-    ) -> tuple[float, float] | None:
+    def far_pivot(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
         return far_card_pivot(dial.card_grid, parts)
