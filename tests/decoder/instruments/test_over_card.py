@@ -278,6 +278,18 @@ def test_frames_together_tell_the_tip_of_a_pointer_that_is_drawn_over_a_numeral(
     assert max(off_deg) < 1.0
 
 
+def test_card_whose_pointer_is_never_found_is_not_read_a_numeral_off() -> None:
+    """Around a centre drawn a fifth of the radius off, what turned may be the pointer, taken for a part of the card."""
+    x, y = CENTRE
+    turns_deg = [PANEL_TURN_DEG + 2.0 * step for step in range(16)]
+    frames = [with_pointer(turn_deg, 200.0 + 7.0 * step % 120.0, 300 + step) for step, turn_deg in enumerate(turns_deg)]
+    reader = fitted({**POINTER, "centre": [x, y + 14.0]}, with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG, 1), frames)
+
+    for frame, turn_deg in zip(frames, turns_deg, strict=True):
+        card = read_picture(reader, frame).readings["heading_deg"]
+        assert is_honest(card, CARD["scale"], heading_of(turn_deg))
+
+
 def test_pointer_below_a_fixed_mark_is_less_certain_also_where_it_resembles_its_reverse() -> None:
     """Its tip is told, but where it lies below the mark is not seen."""
     below = read_picture(arrow_reader(90.0), with_arrow(117.0, 270.0, 327)).readings["bearing_deg"]

@@ -62,6 +62,7 @@ from decoder.instruments.thresholds import (
     FRAMES_TO_LEARN,
     MIN_TURN_DEG,
     NEEDLE_PART,
+    SURE_SCORE,
 )
 from decoder.matching.correlation import normxcorr, partial_normxcorr
 from decoder.matching.faces import face_behind, learn_face
@@ -107,6 +108,9 @@ class OverCardPicture:
         sigma of the whole turn, for those that never moved; MISSING for those that did.
     parallaxes
         By needle, if learned from a flight.
+    is_card_alone
+        Whether a card that turned was matched badly in a flight, and none of its needles was found over it: then what
+        turned is as likely one of them.
     """
 
     card: CardPicture
@@ -116,6 +120,7 @@ class OverCardPicture:
     over: Mask
     best_status: Mapping[str, Status]
     parallaxes: Mapping[str, CardParallax] = field(default_factory=dict)
+    is_card_alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -453,7 +458,20 @@ def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCa
             given = known
         known = _learned(dial, given, known, views)
     best_status = {**unmoved, **known.best_status, **dict.fromkeys(_either_way(dial, known, seen), Status.MISSING)}
-    return replace(known, parallaxes=_parallaxes(dial, reader, seen), best_status=best_status)
+    return replace(
+        known,
+        parallaxes=_parallaxes(dial, reader, seen),
+        best_status=best_status,
+        is_card_alone=_is_card_alone(dial, seen),
+    )
+
+
+def _is_card_alone(dial: _Dial, frames: Sequence[_Seen]) -> bool:
+    """Whether a card that turned matches badly, and most frames show none of its needles."""
+    if arc_deg([seen.turn.rows for seen in frames], dial.grid) < MIN_TURN_DEG:
+        return False
+    found = sum(any(own.status is not Status.MISSING for own in seen.likely.values()) for seen in frames)
+    return found < HALF * len(frames) and float(np.median([seen.turn.score for seen in frames])) < SURE_SCORE
 
 
 def _either_way(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> Iterator[str]:
@@ -657,18 +675,19 @@ class OverCardKind(Still):
     def reader(
         self, instruments: Sequence[Instrument], appearance: Appearance, sampler: GaugeSampler, method: Method
     ) -> _OverCards:
+        pictures: list[OverCardPicture] = [appearance.pictures[_name(own.gauge)] for own in instruments]
         readers = [
             (
                 own.index,
                 OverCardReader(
                     self._dial(own.gauge, own.grid),
-                    appearance.pictures[_name(own.gauge)],
+                    picture,
                     method,
                     appearance.evenly_lit_score,
-                    is_card_doubted=_name(own.gauge) in appearance.doubted,
+                    is_card_doubted=_name(own.gauge) in appearance.doubted or picture.is_card_alone,
                 ),
             )
-            for own in instruments
+            for own, picture in zip(instruments, pictures, strict=True)
         ]
         return _OverCards(readers, sampler)
 
