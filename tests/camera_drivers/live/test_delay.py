@@ -24,6 +24,16 @@ def test_bursts_do_not_move_the_exposure(delays: list[int]) -> None:
         assert 0 <= taken_ns - (shown + least) * MS <= arrived * MS * Delay.DRIFT + 1
 
 
+def test_pictures_that_waited_for_a_long_stall_keep_their_times() -> None:
+    """The network or the recorder stood still for 20 s: what then arrives at once was taken at its own time."""
+    delay = Delay()
+    delay.taken_ns(0, 5_000 * MS)
+    late = [delay.taken_ns(shown * MS, 25_000 * MS) for shown in range(70, 20_000, 70)]
+
+    for shown, taken_ns in zip(range(70, 20_000, 70), late, strict=True):
+        assert 0 <= taken_ns - (5_000 + shown) * MS <= 20_000 * MS * Delay.DRIFT + 1
+
+
 def test_timestamps_that_begin_anew_are_believed() -> None:
     """A jump of the timestamps begins a new count."""
     delay = Delay()
