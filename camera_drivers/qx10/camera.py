@@ -16,6 +16,7 @@ twice.
 from __future__ import annotations
 
 import threading
+from collections import deque
 from types import TracebackType
 from typing import Self
 
@@ -33,7 +34,7 @@ from camera_drivers.qx10.settings import Setter
 from camera_drivers.qx10.stills import NotTakenError, PictureLostError, Shot, Stills
 from camera_drivers.qx10.zoom import Zoom
 from camera_drivers.reporter import Reporter
-from camera_drivers.thresholds import MAX_FAILURES, REST_S
+from camera_drivers.thresholds import MAX_FAILURES, REMEMBERED_PICTURES, REST_S
 from camera_drivers.waiting import Notes, Stopped, Waiter
 from flight_file.frame import NS_PER_S, Frame
 
@@ -56,6 +57,7 @@ class Qx10Camera:
         self._notes = Notes(reporter)
         self._camera_clock = CameraClock(clock, reporter)
         self._frames = FrameMaker()
+        self._earlier: deque[str] = deque(maxlen=REMEMBERED_PICTURES)
         self._due_ns = 0
         self._refusals = 0
         self._waiter = Waiter(clock, reporter)
@@ -76,7 +78,8 @@ class Qx10Camera:
         connection = connect(self._options, self._clock, self._waiter)
         self.identity = connection.identity
         self._refusals = 0
-        self._session = _Session(connection, self._options, self._clock, self._camera_clock, self._notes)
+        stills = Stills(connection.api, connection.events, self._clock, self._notes, self._earlier)
+        self._session = _Session(connection, self._options, self._clock, self._camera_clock, self._notes, stills=stills)
         try:
             self._session.prepare()
         except BaseException:
@@ -161,7 +164,14 @@ class _Session:
     """The parts that belong to one connection."""
 
     def __init__(
-        self, connection: Connection, options: Qx10Settings, clock: Clock, camera_clock: CameraClock, notes: Notes
+        self,
+        connection: Connection,
+        options: Qx10Settings,
+        clock: Clock,
+        camera_clock: CameraClock,
+        notes: Notes,
+        *,
+        stills: Stills,
     ) -> None:
         api, events = connection.api, connection.events
         self._connection = connection
@@ -169,7 +179,7 @@ class _Session:
         self._notes = notes
         self._camera_clock = camera_clock
         self.zoom = Zoom(api, events, notes, options.zoom)
-        self.stills = Stills(api, events, clock, notes)
+        self.stills = stills
         self.liveview = Liveview(api, clock, notes) if options.mode == "liveview" else None
         self._status: str | None = None
         self._unseen: list[float | None] = []

@@ -27,11 +27,11 @@ from dataclasses import dataclass
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError, CameraRefusedError, CameraSilentError, CameraUnreachableError
 from camera_drivers.jpeg import jpeg_facts
-from camera_drivers.qx10.addresses import BadUrlError, host_of
+from camera_drivers.qx10.addresses import BadUrlError, at_host, host_of
 from camera_drivers.qx10.events import ERROR, IDLE, Events
 from camera_drivers.qx10.picture import fault_of
 from camera_drivers.qx10.remote_api import Code, RemoteApi
-from camera_drivers.thresholds import AGAIN_S, MAX_DOWNLOADS, MAX_FAILURES, MAX_SHOTS, REMEMBERED_PICTURES, REST_S
+from camera_drivers.thresholds import AGAIN_S, MAX_DOWNLOADS, MAX_FAILURES, MAX_SHOTS, REST_S
 from camera_drivers.waiting import Notes, Stopped
 from flight_file.frame import ClockReading, HostTimes
 
@@ -64,9 +64,16 @@ class PictureLostError(CameraError):
 
 
 class Stills:
-    """Takes stills with one camera."""
+    """Takes stills with one camera.
 
-    def __init__(self, api: RemoteApi, events: Events, clock: Clock, notes: Notes) -> None:
+    Parameters
+    ----------
+    earlier
+        Addresses of pictures that no shot to come can have made, by the camera's own address; it is kept over all
+        connections, since the camera still tells of the last picture on a new one.
+    """
+
+    def __init__(self, api: RemoteApi, events: Events, clock: Clock, notes: Notes, earlier: deque[str]) -> None:
         self._api = api
         self._events = events
         self._clock = clock
@@ -74,7 +81,7 @@ class Stills:
         self._waiter = api.link.waiter
         self._limits = api.link.limits
         self._asked = clock.read()
-        self._fetched: deque[str] = deque(maxlen=REMEMBERED_PICTURES)
+        self._earlier = earlier
 
     def take(self) -> Shot:
         """Take one picture.
@@ -92,6 +99,9 @@ class Stills:
         """
         self.wait_until_ready()
         self._waiter.check()
+        # Somebody pressed the button, or the search for an earlier shot ended before this was announced.
+        for url in self._events.pictures:
+            self._remember(url)
         try:
             url = self._shoot()
             answered = self._clock.read()
@@ -176,7 +186,7 @@ class Stills:
         try:
             self.wait_until_ready()
             for url in reversed(self._events.pictures):
-                if url not in self._fetched:
+                if self._own(url) not in self._earlier:
                     return url
             url = _url(self._api.call("awaitTakePicture"))
         except CameraRefusedError as error:
@@ -185,14 +195,14 @@ class Stills:
             raise PictureLostError(f"{problem}, though it was taken" if taken else problem) from error
         except CameraError as error:
             raise PictureLostError(problem) from error
-        if url in self._fetched:  # it is the picture before
+        if self._own(url) in self._earlier:  # it is the picture before
             raise PictureLostError(problem)
         return url
 
     def _fetch(self, url: str) -> bytes:
         if _is_foreign(url, self._api.link.host):
             self._notes.say_once("address", "the camera names another host for a picture; only its own is called")
-        self._fetched.append(url)
+        self._remember(url)
         broken: list[bytes] = []
         for number in range(MAX_DOWNLOADS):
             if number:
@@ -205,6 +215,18 @@ class Stills:
             self._notes.say("damaged", f"{problem}, and stays so; it is kept")
             return jpeg
         raise PictureLostError(problem)
+
+    def _remember(self, url: str) -> None:
+        own = self._own(url)
+        if own not in self._earlier:
+            self._earlier.append(own)
+
+    def _own(self, url: str) -> str:
+        """Put the camera's address into a URL, since it names several; what is no URL stays as it is."""
+        try:
+            return at_host(url, self._api.link.host)
+        except BadUrlError:
+            return url
 
     def _download(self, url: str) -> tuple[bytes, str]:
         try:

@@ -112,6 +112,28 @@ def test_picture_before_is_not_taken_for_the_one_searched(make_bench: MakeBench,
     assert len(bench.listener.losses) == 1
 
 
+@pytest.mark.parametrize("knows", ["tells_shots", "remembers_shot"])
+def test_picture_before_is_not_taken_again_on_a_new_connection(make_bench: MakeBench, knows: str) -> None:
+    """What the camera tells after the first shot of a connection, that was none, is a frame of the one before."""
+    bench = make_bench("error_1@2", behaviour={knows: True})
+    frames = bench.take(1) + bench.take(2)
+
+    assert [frame.sha256 for frame in frames] == bench.simulated.ledger.delivered()
+    assert len(bench.listener.losses) == 1
+
+
+def test_picture_of_somebody_who_pressed_the_button_is_no_frame(make_bench: MakeBench) -> None:
+    """The camera told of it before the shot that was none, whose picture it cannot be."""
+    bench = make_bench("error_1@2", behaviour={"tells_shots": True})
+    frames = bench.take(1)
+    bench.simulated.model.call("camera", "actTakePicture", [], "1.0")
+    frames += bench.take(2)
+
+    asked_for = [name for place, name in enumerate(bench.simulated.ledger.taken) if place != 1]
+    assert [each.name for each in bench.simulated.ledger.deliveries] == asked_for
+    assert len(bench.listener.losses) == 1
+
+
 def test_camera_that_refuses_again_and_again_is_connected_again(make_quick_bench: MakeBench) -> None:
     """After some refusals in a row the driver gives up the connection, not the pictures."""
     bench = make_quick_bench(*(f"error_40400@{number}" for number in range(1, 6)))
