@@ -12,7 +12,7 @@
 | MAX_SHOTS | 3 | - | tries at a shot while it is not ready | then it is reported |
 | MAX_DOWNLOADS | 2 | - | of one picture | the same damage twice comes from the camera |
 | MAX_ANSWER_BYTES | 1 | MiB | an answer, a liveview picture, a payload of telemetry | real ones have at most 14 kB |
-| MAX_WAITING_PICTURES | 64 | - | liveview pictures waiting | those that arrived together |
+| MAX_WAITING_PICTURES | 64 | - | pictures of a stream waiting | then the camera has to wait |
 | REMEMBERED_PICTURES | 16 | - | addresses of pictures | so that none is reported twice |
 | SEARCH_AGAIN_S | 2 | s | before a search is sent again | SSDP is lossy |
 | MAX_DATAGRAM_BYTES | 2048 | - | an answer to a search | an Ethernet frame has 1500 |

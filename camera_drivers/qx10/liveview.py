@@ -39,7 +39,7 @@ from camera_drivers.jpeg import jpeg_end
 from camera_drivers.live.delay import Delay
 from camera_drivers.qx10.link import BROKEN_OFF, CHUNK_BYTES, Exchange
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.thresholds import CLOSE_S, MAX_ANSWER_BYTES, MAX_FAILURES, MAX_WAITING_PICTURES, REST_S
+from camera_drivers.thresholds import CLOSE_S, MAX_ANSWER_BYTES, MAX_FAILURES, REST_S
 from camera_drivers.waiting import Notes
 from flight_file.documents import SOI
 from flight_file.frame import ClockReading, HostTimes
@@ -205,7 +205,7 @@ class Liveview:
 
         pictures = self._api.link.waiter.until_done("liveview", work, exchange.abort, limit_s=limit_s)
         at = self._clock.read()
-        self._waiting.extend((picture, before, at) for picture in pictures[:MAX_WAITING_PICTURES])
+        self._waiting.extend((picture, before, at) for picture in pictures)
 
     def _open(self) -> Exchange:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -11,9 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError
-from camera_drivers.qx10.liveview import HEADER_BYTES, LivePicture, LiveviewParser
+from camera_drivers.qx10.link import Link
+from camera_drivers.qx10.liveview import HEADER_BYTES, LivePicture, Liveview, LiveviewParser
+from camera_drivers.qx10.remote_api import RemoteApi
 from camera_drivers.qx10.simulator.pictures import drawn_picture
 from camera_drivers.qx10.simulator.services import information_packet, packet
+from camera_drivers.waiting import Notes, Waiter
+from recorder.host import SystemClock
+from tests.camera_drivers.listening import Listener
+from tests.camera_drivers.qx10.conftest import LIMITS
+from tests.camera_drivers.qx10.strangers import OK, Strangers, send
 
 # A JPEG as short as one can be that its markers make sense: a table, a scan with stuffing and a restart, an end.
 SCANS = st.binary(max_size=400).map(lambda data: data.replace(b"\xff", b"\xff\x00"))
@@ -25,6 +33,7 @@ LOOKALIKES = st.builds(
     st.integers(0, 2**24 - 1),
     st.sampled_from((b"", b"\xff\xd8", b"\xff\xd8\xff\xda\x00\x02ab")),
 )
+JPEG = b"\xff\xd8\xff\xda\x00\x02a\xff\xd9"
 PIECES = st.lists(st.integers(7, 700), min_size=1, max_size=5)
 MS = 1_000_000
 MakeBench = Callable[..., Any]
@@ -106,6 +115,19 @@ def test_stream_goes_on_after_a_fault(make_bench: MakeBench, fault: str, reports
     assert len({frame.sha256 for frame in frames}) == 6
     assert len(bench.listener.reasons("liveview")) == reports
     assert bench.failures == []
+
+
+def test_all_pictures_that_arrive_together_are_frames(strangers: Strangers, listener: Listener) -> None:
+    """Two hundred small ones in one piece: none is left out, as none would be counted."""
+    pictures = [LivePicture(number, number * 70, JPEG) for number in range(200)]
+    stream = strangers.url(send(OK + b"\r\n" + b"".join(map(as_packet, pictures))), "liveview")
+    answer = json.dumps({"id": 1, "result": [stream]}).encode()
+    services = {"camera": strangers.url(send(OK + b"\r\n" + answer), "camera")}
+    clock = SystemClock()
+    api = RemoteApi(Link("127.0.0.1", LIMITS, Waiter(clock, listener)), services)
+    liveview = Liveview(api, clock, Notes(listener))
+
+    assert [liveview.next_picture().jpeg for _ in pictures] == [JPEG] * 200
 
 
 def test_stop_ends_the_stream(make_bench: MakeBench) -> None:
