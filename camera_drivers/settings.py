@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
 MAX_URL_CHARACTERS = 2000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # not allowed in names and in sentences of the log
@@ -23,6 +23,16 @@ class Settings(BaseModel):
     """A block of settings, as recorder.yaml has them; a key that it does not have is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _truth_is_no_number(cls, document: object) -> object:
+        """Refuse true and false where they would pass for 1 and 0."""
+        given = document if isinstance(document, dict) else {}
+        for key, field in cls.model_fields.items():
+            if isinstance(given.get(key), bool) and field.annotation is not bool:
+                raise ValueError(f"{key} is true or false, where another value is wanted")
+        return document
 
 
 def one_line(text: str) -> str:

@@ -2,7 +2,8 @@
 
 A YAML document may come from anyone, inside a flight file too. So its cost is limited first: its depth, and its number
 of values with aliases expanded. Anything that would be read differently from how it looks is refused: a repeated key,
-or a tag for anything but plain values. A date stays text, so a file may be called `2018-05-04`, or `2018-13-45`.
+a tag for anything but plain values, or a number that is octal for a 0 in front. A date stays text, so a file may be
+called `2018-05-04`, or `2018-13-45`; so does `1:30`, which older YAML takes for 90, and `off`.
 
 A JPEG's markers are followed as by libjpeg, through fill bytes and stray ones, so that no picture is larger than found
 here. Sources: ITU-T T.81 annex B; PNG (third edition) 11.2.1; RFC 9649 and RFC 6386 (WebP).
@@ -53,6 +54,9 @@ _WEBP_BYTES = 30  # RIFF's head, a chunk's head, and its size
 _KINDS = ("null", "bool", "int", "float", "str", "seq", "map")
 _TAGS = {f"tag:yaml.org,2002:{kind}": kind for kind in _KINDS}
 _NUMBERS = ("int", "float")
+_TEXT = "tag:yaml.org,2002:str"
+_WORDS = frozenset(("yes", "no", "on", "off"))
+_OCTAL = re.compile(r"[-+]?0[0-7_]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,8 +277,13 @@ class _Loader(yaml.SafeLoader):
         node = super().compose_scalar_node(anchor)
         if any("\ud800" <= character <= "\udfff" for character in node.value):
             raise _RefusedError("half of a surrogate pair is no character", node.start_mark)
-        if _TAGS.get(node.tag) in _NUMBERS and len(node.value) > MAX_YAML_DIGITS:
+        kind = _TAGS.get(node.tag)
+        if kind in _NUMBERS and len(node.value) > MAX_YAML_DIGITS:
             raise _RefusedError(f"a number has more than {MAX_YAML_DIGITS} digits", node.start_mark)
+        if kind == "int" and _OCTAL.fullmatch(node.value):
+            raise _RefusedError(f"{node.value} is octal; write it without the 0 in front", node.start_mark)
+        if (kind in _NUMBERS and ":" in node.value) or (kind == "bool" and node.value.lower() in _WORDS):
+            node.tag = _TEXT
         return node
 
     def compose_mapping_node(self, anchor: dict[Any, yaml.Node]) -> yaml.MappingNode:

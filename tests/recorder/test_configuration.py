@@ -223,6 +223,13 @@ def write(path: Path, content: str | bytes) -> Path:
         (CAMERA + "storage: {directory: flights, keep_free_gib: 1.0e+308}", "keep_free_gib"),
         (CAMERA + "storage: {directory: flights, segment_s: .nan}", "segment_s"),
         (CAMERA + "storage: {directory: flights, keep_hours: 5, max_hours: 4}", "must not be less than keep_hours"),
+        (CAMERA + "storage: {directory: flights, keep_hours: off}", "keep_hours: input should be a valid number"),
+        (
+            CAMERA + "storage: {directory: flights, keep_hours: false}",
+            "storage: value error, keep_hours is true",
+        ),
+        (CAMERA + "storage: {directory: flights, keep_hours: 1:30}", "keep_hours: input should be a valid number"),
+        (CAMERA + "storage: {directory: flights, segment_frames: 0100}", "0100 is octal; write it without the 0"),
         (CAMERA + 'storage: {directory: "a\\0b"}', "storage.directory"),
         (CAMERA + "storage: {directory: " + "x" * 300 + "}", "storage.directory"),
         (CAMERA + "storage: {directory: pictures/000.jpg}", "storage.directory"),
@@ -251,6 +258,17 @@ def test_wrong_configuration_is_one_sentence(
     assert str(caught.value).endswith(".")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "flights").exists()
+
+
+def test_values_are_what_they_look_like(tmp_path: Path) -> None:
+    """The camera's own words need no quotes, though older YAML takes them for something else."""
+    path = write(
+        tmp_path / "recorder.yaml", QX10 + "beep_mode: Off, still_size: [4:3, 18M], set_clock: no}\n" + STORAGE
+    )
+    camera = load_config(path)[0].camera
+
+    assert isinstance(camera, Qx10Settings)
+    assert (camera.beep_mode, camera.still_size, camera.set_clock) == ("Off", ("4:3", "18M"), False)
 
 
 def start(path: Path) -> None:
