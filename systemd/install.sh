@@ -73,7 +73,8 @@ PROFILE=/etc/NetworkManager/system-connections/camera.nmconnection
 
 # What a configuration that is there asks for stays installed, whoever runs this again.
 if [ -z "$DRIVER" ] && [ "$ACTION" = install_all ] && [ -r "$ROOT$CONFIG" ]; then
-    DRIVER=$(sed -n 's/^[^#]*driver: *["'"'"']\{0,1\}\([a-z0-9]*\).*/\1/p' "$ROOT$CONFIG" | head -n 1)
+    DRIVER=$(sed -n 's/^[^#]*driver["'"'"']\{0,1\} *: *["'"'"']\{0,1\}\([a-z0-9][a-z0-9]*\).*/\1/p' "$ROOT$CONFIG" | head -n 1)
+    [ -n "$DRIVER" ] || fail "$CONFIG names no driver beside its key; give --driver."
     [ "$DRIVER" != replay ] || DRIVER=qx10
 fi
 DRIVER=${DRIVER:-qx10}

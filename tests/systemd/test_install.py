@@ -69,7 +69,7 @@ def test_installing_twice_is_installing_once(tmp_path: Path) -> None:
     profile = tmp_path / "etc/NetworkManager/system-connections/camera.nmconnection"
     lines = profile.read_text(encoding="utf-8").splitlines()
     config = tmp_path / "etc/recorder/recorder.yaml"
-    config.write_text("mine", encoding="utf-8")
+    config.write_text("camera: {driver: qx10}  # mine", encoding="utf-8")
     second = install("--root", str(tmp_path), *JOIN)
     after = tree(tmp_path)
 
@@ -79,7 +79,7 @@ def test_installing_twice_is_installing_once(tmp_path: Path) -> None:
     assert {"ssid=DIRECT-reQ0:DSC-QX10", "psk=pass & word", "interface-name=wlan1"} <= set(lines)
     assert "routing-rule2=priority 1065 oif wlan1 table 1064" in lines
     assert not [line for line in lines if "@" in line and not line.startswith("#")]
-    assert after == {**before, "etc/recorder/recorder.yaml": b"mine"}
+    assert after == {**before, "etc/recorder/recorder.yaml": b"camera: {driver: qx10}  # mine"}
 
 
 @pytest.mark.parametrize(
@@ -97,6 +97,29 @@ def test_each_driver_gets_what_it_needs_and_keeps_it(tmp_path: Path, driver: str
     assert config.camera.driver == driver
     assert files == (FILES - {"etc/NetworkManager/system-connections/camera.nmconnection"}) | more
     assert not set(tree(tmp_path)) & DEVICES
+
+
+@pytest.mark.parametrize("camera", ["driver: uvc", "{driver : 'uvc'}", '{"driver": "uvc", "device": "/dev/video0"}'])
+def test_driver_of_a_configuration_is_kept_however_it_is_written(tmp_path: Path, camera: str) -> None:
+    """Installing a newer version takes no camera's access away."""
+    config = tmp_path / "etc/recorder/recorder.yaml"
+    config.parent.mkdir(parents=True)
+    config.write_text(f"camera:\n  # driver: rtsp\n  {camera}\nstorage: {{directory: flights}}\n", encoding="utf-8")
+    done = install("--root", str(tmp_path))
+
+    assert done.returncode == 0
+    assert set(tree(tmp_path)) >= DEVICES
+
+
+def test_driver_that_cannot_be_found_is_asked_for(tmp_path: Path) -> None:
+    """Rather than to install for another camera."""
+    config = tmp_path / "etc/recorder/recorder.yaml"
+    config.parent.mkdir(parents=True)
+    config.write_text("camera:\n  driver:\n    uvc\n", encoding="utf-8")
+    done = install("--root", str(tmp_path))
+
+    assert done.returncode == 1
+    assert "give --driver" in done.stderr
 
 
 def test_video_is_installed_for_ip_cameras_alone() -> None:
