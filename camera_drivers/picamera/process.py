@@ -20,6 +20,7 @@ import os
 import re
 import select
 import shutil
+import signal
 import subprocess
 from collections import deque
 from collections.abc import Mapping
@@ -106,8 +107,9 @@ class PicameraSource:
 
     def close(self) -> None:
         """End the program, politely at first."""
-        for end in (self._process.terminate, self._process.kill):
-            end()
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            if self._process.poll() is None:
+                os.killpg(self._process.pid, number)  # a script around the program is not all that holds the camera
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(CLOSE_S)
                 break
@@ -210,7 +212,7 @@ def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
             stderr=subprocess.PIPE,
             bufsize=0,
             pass_fds=(writing,),
-            start_new_session=True,  # Ctrl-C is meant for the recorder, which ends it
+            start_new_session=True,  # Ctrl-C is meant for the recorder, which ends it and what it started
         )
     except OSError as error:
         os.close(reading)

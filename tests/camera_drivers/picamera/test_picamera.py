@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.recorders import eventually
 from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
 from camera_drivers.picamera.cutting import AccessUnitCutter, JpegCutter, RecordCutter
@@ -134,6 +136,28 @@ def test_program_that_hangs_is_ended(program: Program, jpegs: list[bytes]) -> No
         assert process.poll() is None
 
     assert process.poll() == -signal.SIGTERM
+
+
+def test_program_in_a_script_is_ended_with_it(tmp_path: Path, program: Program, jpegs: list[bytes]) -> None:
+    """What the script started has the camera, and would keep it from the next connection."""
+    script = tmp_path / "script"
+    script.write_text(f'#!/bin/sh\n{program(jpegs[:1])} "$@"\nexit $?\n', encoding="utf-8")
+    script.chmod(0o755)
+    with picamera(Options(program=str(script)), SystemClock(), Listener()) as camera:
+        group = camera._source._process.pid
+        assert camera.next_frame(threading.Event()) is not None
+
+    eventually(lambda: not living(group))
+
+
+def living(group: int) -> list[str]:
+    """The state of each process of a group that is left and has not ended."""
+    states = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it ended just now
+            state, _, of_group, *_ = path.read_text("utf-8").rpartition(")")[2].split()
+            states += [state] if int(of_group) == group and state != "Z" else []
+    return states
 
 
 def test_program_that_is_not_there_needs_a_person() -> None:
