@@ -8,7 +8,7 @@ be long makes a flight look old. How many pictures there are is what the file's 
 Never deleted: the newest `keep_hours`, what is marked (see `marks`), what somebody has in work, files with names that
 the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
 can be: these count no hours and are named in the log. What the system does not let go is named, too, and passed over.
-Frames that a recovery set apart (`.unproven`) are as old as their segment.
+Frames that a recovery set apart (`.unproven`) are as old as their segment, and kept by its mark.
 
 Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
 background. Those that there is no room to finish are as old as their names say and go in their turn; otherwise each
@@ -37,7 +37,7 @@ from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
-from recorder.marks import MARKS_FOLDER, marked_names, tidy_marks
+from recorder.marks import MARKS_FOLDER, marked_names, names_that_keep, tidy_marks
 from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SILENCE_S
 
 _OURS = re.compile(
@@ -263,7 +263,7 @@ class Retention:
         wanted, deleted = disk_is_full, False
         refused: dict[str, OSError] = {}
         for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
-            if name.removesuffix(PART_SUFFIX) in marked:
+            if any(each in marked for each in names_that_keep(name)):
                 continue
             if not (number < too_old or wanted or self._is_short()):
                 break

@@ -4,6 +4,9 @@ A mark is a small file in the folder `marks` beside the segments, `marks/NAME.mc
 still `NAME.mcap.part`. So anyone who may write in that folder can set one while the recorder runs, without contacting
 it and without the right to change a recording. Each line is one mark: when it was set, and a note.
 
+A segment's mark also keeps what a recovery made of it: the last frames before a power cut may be in
+`NAME.mcap.unproven`.
+
 Only the existence of the name counts. Marks are not opened where they are used, so a link, a pipe or a file as large as
 the disk in this folder keeps a segment and does nothing else; `tidy_marks` empties a mark larger than any mark should
 be. Marks beside the segment, as older recorders set them, count too.
@@ -29,7 +32,7 @@ import click
 
 from flight_file.errors import FlightFileError
 from flight_file.files import in_work
-from flight_file.session import PART_SUFFIX, claimed_place, parse_segment_name
+from flight_file.session import PART_SUFFIX, claimed_place, parse_segment_name, segment_path
 from flight_file.untrusted import regular_names, say
 from recorder.cli import failures_as_sentences
 from recorder.errors import NothingToMarkError, NotMarkedError
@@ -64,14 +67,20 @@ class Tidied:
     unusable: str = ""
 
 
+def names_that_keep(file: str) -> tuple[str, ...]:
+    """Return the names whose mark keeps this file, finished or in work: its own, and that of the segment it is of."""
+    own = file.removesuffix(PART_SUFFIX)
+    place = claimed_place(Path(own))
+    return (own,) if place is None else (own, segment_path(Path(), *place).name)
+
+
 def is_marked(segment: Path) -> bool:
     """Whether retention must keep this segment, finished or in work."""
-    name = _mark_name(segment)
-    if os.path.lexists(segment.parent / name):
+    names = [name + MARK_SUFFIX for name in names_that_keep(segment.name)]
+    if any(os.path.lexists(segment.parent / name) for name in names):
         return True
-    with suppress(OSError), _opened_folder(segment.parent) as folder:
-        os.stat(name, dir_fd=folder, follow_symlinks=False)
-        return True
+    with suppress(OSError), _opened_folder(segment.parent) as folder, os.scandir(folder) as entries:
+        return any(entry.name in names for entry in entries)
     return False
 
 

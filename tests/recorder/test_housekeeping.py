@@ -124,6 +124,21 @@ def test_marked_ones_and_strangers_stay_and_signatures_go_along(tmp_path: Path) 
     )
 
 
+def test_what_a_recovery_made_of_a_marked_segment_stays(tmp_path: Path) -> None:
+    """The last frames before the power cut are what was marked; a recovered file can have a mark of its own."""
+    disk = SmallDisk(tmp_path, 3, reserve_bytes=100 * MIB)
+    made = [disk.path(1).name + ".unproven", "20180504T120000Z_0001.recovered.mcap"]
+    others = [disk.path(2).name + ".unproven", "20180504T120000Z_0002.recovered.mcap"]
+    for name in (*made, *others):
+        (tmp_path / name).write_bytes(bytes(MIB))
+    marks = [f"{name}.keep" for name in (disk.path(1).name, others[1])]
+    for name in marks:
+        (tmp_path / name).touch()
+    disk.retention.make_room()
+
+    assert {path.name for path in tmp_path.iterdir()} == {disk.path(1).name, *made, others[1], *marks}
+
+
 def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
     """The writer notices it."""
     disk = SmallDisk(tmp_path / "gone", 0)

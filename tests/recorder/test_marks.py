@@ -58,7 +58,8 @@ def test_segment_in_work_and_the_one_before_are_kept(tmp_path: Path, writer: Fli
         "2018-05-04T12:00:00Z bird strike\n2018-05-04T12:00:00Z again\n"
     )
     writer.finish("stopped", at(3))
-    assert marked(tmp_path) == ["R_0001.mcap", "R_0002.mcap"]
+    (tmp_path / "R_0002.mcap.unproven").touch()
+    assert marked(tmp_path) == ["R_0001.mcap", "R_0002.mcap", "R_0002.mcap.unproven"]
 
 
 def test_without_a_recorder_the_newest_is_kept(tmp_path: Path, writer: FlightWriter) -> None:
