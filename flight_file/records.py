@@ -16,6 +16,7 @@ this module.
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 from collections.abc import Iterator
@@ -242,6 +243,10 @@ class ByteSource(Protocol):
         """Read up to `length` bytes from `offset`."""
         ...
 
+    def written_from(self, offset: int) -> int:
+        """Return where the next bytes are, at `offset` or behind a hole, in which nothing was ever written."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class ChunkPlace:
@@ -270,6 +275,13 @@ class FileSource:
             return data
         return data + self.read_at(offset + len(data), length - len(data))
 
+    def written_from(self, offset: int) -> int:
+        """Return where the next bytes are; where the file system knows no holes, that is `offset`."""
+        try:
+            return os.lseek(self._descriptor, offset, os.SEEK_DATA)
+        except OSError as error:
+            return self.size if error.errno == errno.ENXIO else offset
+
 
 @dataclass(frozen=True, slots=True)
 class Beginning:
@@ -281,6 +293,10 @@ class Beginning:
     def read_at(self, offset: int, length: int) -> bytes:
         """Read up to `length` bytes from `offset`."""
         return self.source.read_at(offset, max(0, min(length, self.size - offset)))
+
+    def written_from(self, offset: int) -> int:
+        """Return where the next bytes are."""
+        return self.source.written_from(offset)
 
 
 def read_chunk(source: ByteSource, place: ChunkPlace, *, needs_crc: bool) -> memoryview:

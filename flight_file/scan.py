@@ -266,7 +266,8 @@ class _ChunkSearch:
     def first_from(self, start: int) -> int | None:
         """Return the offset of the first chunk at or after `start` whose CRC fits; None if there is none."""
         position, reach = start, _FIRST_REACH_BYTES
-        while position < self._source.size:
+        # A hole can be a thousand times larger than the disk.
+        while (position := self._source.written_from(position)) < self._source.size:
             window = self._source.read_at(position, reach + _CHUNK_START_BYTES)
             for match in _CHUNK_START.finditer(window, 0):
                 if match.start() < reach and self._is_chunk(position + match.start()):

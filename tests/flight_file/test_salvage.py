@@ -15,7 +15,9 @@ from flight_file.errors import FindingKind, FlightNotWrittenError, LossKind, Not
 from flight_file.files import DurableFile
 from flight_file.frame import CameraStatus, ClockReading, Frame
 from flight_file.reader import open_flight
+from flight_file.records import FileSource
 from flight_file.salvage import Outcome, Recovery, recover_segment
+from flight_file.scan import scan_file
 from flight_file.session import EndRecord, Session
 from flight_file.signature import Signer, read_signature, write_signature
 from flight_file.verification import Verdict, verify
@@ -71,6 +73,26 @@ def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(tmp_path: Path) -> N
             assert end.recovered
             assert end.reason.startswith("recovered: ")
             assert end.frames == len(found)
+
+
+def test_hole_in_a_file_is_not_searched(flight: Path, frames: list[Frame]) -> None:
+    """A file in work that somebody made terabytes long, without a byte more: its frames come, and not after days."""
+    part = as_left_behind(flight.parent / "work" / flight.name, flight.read_bytes()[:-100])
+    os.truncate(part, 2**42)
+    read = 0
+
+    class Counting(FileSource):
+        def read_at(self, offset: int, length: int) -> bytes:
+            nonlocal read
+            read += length
+            return super().read_at(offset, length)
+
+    with part.open("rb") as file:
+        scan_file(part, Counting(file.fileno()))
+    assert read < 2**24
+
+    _, found, _ = recovered(part)
+    assert found == frames
 
 
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
