@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 def fill_gaps(data: FlightData) -> FlightData:
     """Flag doubtful readings of covered needles and of hands that tell no value together, and fill what is missing."""
-    data = _doubted_together(_without_lone_turns(data))
+    data = _doubted_together(_with_unsure_turns(_without_lone_turns(data)))
     by_name = {series.quantity.name: series for series in data.series}
     parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
     checked = {part for combination in data.combinations for part in combination.parts}  # they check each other
@@ -74,6 +75,24 @@ def _without_lone_turns(data: FlightData) -> FlightData:
         for one in (series, *parts):
             where = lone if one is series else lone & one.has(Status.HIDDEN)
             by_name[one.quantity.name] = _as_missing(one, where)
+    return replace(data, series=tuple(by_name.values()))
+
+
+def _with_unsure_turns(data: FlightData) -> FlightData:
+    """Return combined values as `edge`, as uncertain as a coarser hand that does not tell the finer one's turns.
+
+    What is drawn as the hand may be print, which is the same in each frame: it contradicts nothing, and counts nothing.
+    """
+    by_name = {series.quantity.name: series for series in data.series}
+    for each in data.combinations:
+        parts = [by_name[part] for part in each.parts]
+        for finer, coarser in pairwise(parts):
+            sigma = coarser.sigma[coarser.has(Status.READ, Status.EDGE)]
+            usual = float(np.median(sigma)) if len(sigma) else 0.0
+            if CONFIDENCE_SIGMAS * usual > (finer.quantity.wraps or math.inf):
+                series = by_name[each.quantity.name]
+                unsure = _as_edge(series, series.has(Status.READ))
+                by_name[series.quantity.name] = replace(unsure, sigma=np.hypot(series.sigma, usual))
     return replace(data, series=tuple(by_name.values()))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -258,7 +259,22 @@ def test_clock_that_is_set_back_makes_no_value_turns_off() -> None:
     assert statuses(data, 2) == "r" * len(values)
 
 
-def geared(values: Sequence[float], coarse: str, time_ns: NDArray[np.int64]) -> FlightData:
+@pytest.mark.parametrize(("sigma", "expected"), [(5.0, "rrir"), (5.2, "eeie")])
+def test_value_is_as_uncertain_as_a_hand_that_does_not_tell_its_turns(sigma: float, expected: str) -> None:
+    """That hand may be something printed, which agrees with the finer one by chance, and in every frame."""
+    flight = geared([42.0, 43.0, 44.0, 45.0], "rrme", np.arange(4) * 10**9, coarse_sigma=sigma)
+    both = flight.series[2]
+    lost = replace(both, status=np.where([False, False, True, False], CODE[Status.MISSING], both.status))
+    data = fill_gaps(replace(flight, series=(*flight.series[:2], lost)))
+
+    assert statuses(data, 2) == expected
+    assert (data.series[2].sigma >= sigma).all() == (expected[0] == "e")
+    assert data.series[2].value == pytest.approx([42.0, 43.0, 44.0, 45.0])
+
+
+def geared(
+    values: Sequence[float], coarse: str, time_ns: NDArray[np.int64], *, coarse_sigma: float = 0.1
+) -> FlightData:
     """Flight data of a value of two hands, its coarser one with such statuses."""
 
     def series(name: str, turn: float, codes: str) -> NeedleSeries:
@@ -269,7 +285,8 @@ def geared(values: Sequence[float], coarse: str, time_ns: NDArray[np.int64]) -> 
         return NeedleSeries(quantity, status, value, np.full(len(codes), 0.1), np.full(len(codes), 0.9), 3.6 * value)
 
     both = series("both", 100.0, "r" * len(values))
-    parts = series("fine", 10.0, "r" * len(values)), series("coarse", 100.0, coarse)
+    fine, other = series("fine", 10.0, "r" * len(values)), series("coarse", 100.0, coarse)
+    parts = fine, replace(other, sigma=np.full(len(values), coarse_sigma))
     combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
     return FlightData(np.arange(len(values)), time_ns, (*parts, both), (), (combination,))
 
