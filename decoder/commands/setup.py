@@ -84,12 +84,14 @@ def _session(
 ) -> SetupSession:
     """Open the flight or picture for the page or the proposal."""
     import cv2  # noqa: PLC0415
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
     from decoder.panel.camera import camera_from_file  # noqa: PLC0415
     from decoder.setup.session import SetupSession  # noqa: PLC0415
     from decoder.setup.sources import open_source  # noqa: PLC0415
 
     cv2.setNumThreads(1)  # as in `decode`, so that trials give the same readings
+    threadpool_limits(1)
     camera = None if camera_file is None else camera_from_file(camera_file)
     return SetupSession(open_source(pictures), panel_file, target, camera=camera, is_new=is_new)
 
