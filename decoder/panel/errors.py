@@ -28,6 +28,7 @@ DecoderError                  the decode cannot give what was asked for; one sen
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 
@@ -71,7 +72,8 @@ class PanelMissing(PanelError):
     """Neither the flight file nor the command line brings a panel."""
 
     def __init__(self, flight: str) -> None:
-        super().__init__("", "it carries no panel; name one with --panel PANEL.yaml", source=flight)
+        draw = f"decode setup {shlex.quote(flight)}"
+        super().__init__("", f"it carries no panel; draw one with {draw}, and name it with --panel", source=flight)
 
 
 class PictureError(DecoderError):

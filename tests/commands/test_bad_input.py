@@ -264,3 +264,13 @@ def test_what_is_done_is_told_from_the_first_second(make_flight: MakeFlight, pic
     assert told[0] == "aligning frame 1 of a sample of 8"
     assert any("learning" in words for words in told)
     assert told[-2:] == ["", "frames"]
+
+
+def test_flight_without_a_panel_says_how_to_draw_one(tmp_path: Path, pictures: list[bytes]) -> None:
+    """The command that draws one is named with the flight's own path, however it is called."""
+    photographs, flight = tmp_path / "photographs", tmp_path / "my flight.mcap"
+    photographs.mkdir()
+    (photographs / "0.jpg").write_bytes(pictures[0])
+    ran("recorder", "replay", photographs, "-o", flight)
+
+    says(ran("decode", flight, "-o", tmp_path / "out"), "decode: ", f"decode setup '{flight}'", "--panel")
