@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,13 @@ def plain_name(name: str, path: str, *, target: str = OTHERS[0]) -> str:
     if name_key(name) in {*OTHERS, name_key(target)}:
         raise PanelError(path, f"cannot be {name}: that file holds no picture; call it panel.jpg, say")
     return name
+
+
+def free_picture(folder: Path, usual: str) -> str:
+    """Name a picture that nothing in the folder is called yet: `usual`, or that with a number."""
+    plain = Path(usual)
+    numbered = (f"{plain.stem}_{number}{plain.suffix}" for number in count(2))
+    return next(name for name in chain((usual,), numbered) if not os.path.lexists(folder / name))
 
 
 def save_files(folder: Path, files: Mapping[str, bytes]) -> None:

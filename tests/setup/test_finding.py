@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import IDENTITY
+from decoder.imaging.panel_pictures import panel_from_file
 from decoder.setup.drawn_plane import DrawnPlane, Planes
 from decoder.setup.finding.bank import bank_of
 from decoder.setup.finding.dials import FoundDial, dials_seen, page_of, seen_around
@@ -23,14 +25,16 @@ from decoder.setup.finding.hands import Hands, together, what_is_not_told
 from decoder.setup.finding.legends import legend_of
 from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.numerals import Text, is_there, level_deg
+from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.finding.scales import fits
 from decoder.setup.finding.strokes import strokes_in
 from decoder.setup.finding.ticks import comb_about, comb_around
 from decoder.setup.proposals import Pictures
 from decoder.setup.proposing.draft import drafted
+from decoder.setup.proposing.search import Anchors
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-from tests.programs import FIXTURES, ran
+from tests.programs import A1, FIXTURES, ran
 
 CENTRE = (203.4, 198.7)
 RADIUS_PX = 120.0
@@ -392,6 +396,27 @@ def test_proposing_begins_a_panel_and_edits_none(tmp_path: Path) -> None:
 
     assert done.returncode == 2
     assert "leave out --panel" in done.stderr
+
+
+def test_a_second_draft_in_a_folder_has_a_picture_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Minutes of finding do not end in a refusal: the first draft's picture stays, and the second names its own."""
+    document = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    gauge = proposed_gauge(document["gauges"][0])
+    monkeypatch.setattr(
+        "decoder.setup.proposing.draft.tried_search", lambda *_: iter([Anchors(document["anchors"], 3), gauge])
+    )
+    (tmp_path / "panel.jpg").write_bytes(b"of the first draft")
+
+    drafted(SetupSession(open_source([A1]), None, tmp_path / "second.yaml", is_new=True))
+
+    assert (tmp_path / "panel.jpg").read_bytes() == b"of the first draft"
+    assert (picture := panel_from_file(tmp_path / "second.yaml").panel.picture) == "panel_2.jpg"
+    assert (tmp_path / picture).stat().st_size > 10_000
+
+
+def proposed_gauge(gauge: dict[str, Any]) -> ProposedGauge:
+    """A whole proposal of a gauge that was drawn."""
+    return ProposedGauge(gauge, gauge, (0.0, 0.0), (), str(gauge["name"]), (), (), ())
 
 
 def test_a_picture_without_dials_is_said(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from decoder.setup.finding.proposal import Document, ProposedGauge
 from decoder.setup.proposing.search import Anchors, Note, Withdrawn
 from decoder.setup.proposing.trying import tried_search
+from decoder.setup.saving import free_picture
 from decoder.setup.session import SetupSession
 
 
@@ -33,6 +34,7 @@ def drafted(session: SetupSession) -> Drafted:
     number = session.source.sample[len(session.source.sample) // 2]
     key = f"frame-{number}"
     document = {name: part for name, part in session.document.items() if name != "focal_length_mm"}
+    document["picture"] = free_picture(session.target.parent, str(document["picture"]))
     session.store.grey(key)
     if (zoom := session.source.focal_length_mm(number)) is not None:
         document["focal_length_mm"] = zoom
