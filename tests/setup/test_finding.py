@@ -187,6 +187,13 @@ def test_legends_tell_name_unit_and_factor(words: list[str], name: str, unit: st
     assert (legend.name, legend.unit, legend.factor) == (name, unit, factor)
 
 
+def test_speed_beside_a_scale_about_zero_is_vertical() -> None:
+    """Where a needle hides the other half of the name, the numerals tell: an airspeed never falls below 0."""
+    assert legend_of(["SPEED"]).about_zero().name == "vertical speed"
+    assert legend_of(["KNOTS", "AIRSPEED"]).about_zero().name == "airspeed"
+    assert legend_of(["EGT"]).about_zero().name == "exhaust gas temperature"
+
+
 def test_numbers_too_small_for_their_unit_are_doubted() -> None:
     """A tachometer of 3 to 35 counts hundreds: where "x100" was not read, its scale is a hundred times too low."""
     assert legend_of(["RPM"]).lacks_factor(35.0)

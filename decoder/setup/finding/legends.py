@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 
 from decoder.setup.finding.thresholds import ALIKE, LEAST_LETTERS
@@ -67,6 +67,10 @@ class Legend:
     def lacks_factor(self, largest: float) -> bool:
         """Whether numerals up to `largest` are too small for the unit, so that there must be a multiplier."""
         return largest * self.factor < LEAST_ENDS.get(self.unit, 0.0)
+
+    def about_zero(self) -> Legend:
+        """Return what the words tell beside a scale about 0: no airspeed falls below it, so "SPEED" is half a name."""
+        return replace(self, name="vertical speed") if self.name == "airspeed" and not self.unit else self
 
 
 def legend_of(said: Sequence[str]) -> Legend:

@@ -188,7 +188,8 @@ def _legend(dial: FoundDial, texts: Sequence[Text], scale: Marked | None) -> Leg
     radius_px = scale.fit.radius_px if scale is not None else dial.comb.ring_px[0]
     words = [text for text in texts if text.value is None and drawn.polar(text.at)[1] < 1.3 * dial.comb.ring_px[1]]
     words.sort(key=lambda text: abs(drawn.polar(text.at)[1] - radius_px))
-    return legend_of([text.said for text in words])
+    legend = legend_of([text.said for text in words])
+    return legend.about_zero() if scale is not None and scale.fit.is_centred else legend
 
 
 def _free(name: str, taken: set[str]) -> str:
