@@ -224,7 +224,8 @@ class PanelReader:
     @property
     def warnings(self) -> tuple[str, ...]:
         """The shortcomings of the panel, a sentence each."""
-        return (*self.aligner.shortcomings, *filter(None, [self.source.optics.shortcoming, self.source.shortcoming]))
+        of_pictures = filter(None, [self.source.optics.shortcoming, self.source.shortcoming])
+        return (*self.aligner.shortcomings, *of_pictures, *_assumed_windows(self.source))
 
     def unwrap(self, frame: GreyPicture, focal_length_mm: float | None = None) -> UnwrappedFrame:
         """Align and unwrap a frame; `focal_length_mm` is its own, if known.
@@ -397,3 +398,14 @@ def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None
     # a needle cut from a single picture need not match others better than any match must, whatever the light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
     return seen if known is None else replace(seen, taught_windows=known.taught_windows)
+
+
+def _assumed_windows(source: PanelPictures) -> Iterator[str]:
+    """Name the windows of other pictures that are neither drawn nor found by the anchors, a sentence each."""
+    for index, gauge in enumerate(source.panel.gauges):
+        for place, taught in enumerate(() if gauge.printed is None else gauge.printed.also):
+            if taught.window is None and taught.picture not in source.places:
+                yield (
+                    f"gauges[{index}].printed.also[{place}]: no anchors are found in {taught.picture}, so its digits"
+                    " are taken from where they stand in the panel picture; give its `window`"
+                )

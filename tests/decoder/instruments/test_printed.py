@@ -263,6 +263,24 @@ def test_window_drawn_carelessly_in_another_picture_is_where_its_anchors_put_it(
     assert np.array_equal(careful.levels, left_out.levels)
 
 
+def test_window_that_no_anchor_places_in_another_picture_is_said() -> None:
+    """Its digits would be learned from wherever the panel picture has them: a warning asks for its window."""
+    drawn = DrawnRow(font=dotted)
+    shown = drawn.picture(1206).astype(np.uint8)
+    pictures = {"p.png": shown, "same.png": shown, "other.png": np.full_like(shown, 90)}
+    drawn_too = ", window: [[8, 8], [63, 8], [63, 31], [8, 31]]"
+
+    def warnings(picture: str, window: str = "") -> tuple[str, ...]:
+        own = f'shows: "1206", also: [{{picture: {picture}, shows: "3405"{window}}}], text: true'
+        anchored = panel_of(own).replace("[0, 0, 16, 16]", "[20, 10, 30, 20]")
+        named = {name: pictures[name] for name in ("p.png", picture)}
+        return reader_from_panel(PanelPictures(parse_panel(anchored), named, ""), Method.NORMXCORR).warnings
+
+    said = [each for each in warnings("other.png") if "also[0]" in each]
+    assert [("other.png" in each, "give its `window`" in each) for each in said] == [(True, True)]
+    assert not [each for each in (*warnings("same.png"), *warnings("other.png", drawn_too)) if "also[0]" in each]
+
+
 @pytest.mark.parametrize(
     ("window", "sentence"),
     [

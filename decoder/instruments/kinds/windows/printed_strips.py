@@ -363,7 +363,8 @@ def _way_between(ones: Floats, others: Floats) -> Way | None:
 
 
 def _alike(one: Floats, other: Floats) -> float:
-    return float(np.nan_to_num(np.corrcoef(one.ravel(), other.ravel())[0, 1]))
+    with np.errstate(invalid="ignore"):  # a flat cell is like no other
+        return float(np.nan_to_num(np.corrcoef(one.ravel(), other.ravel())[0, 1]))
 
 
 def _sharpness(look: Floats) -> float:
