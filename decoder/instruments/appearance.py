@@ -104,9 +104,9 @@ class Appearance:
     least_at_home
         By needle that seemed to stand still: the lowest score of a match exactly where it was cut. Print behind it,
         with the needle elsewhere, may match there too, but less well.
-    taught_windows
-        Indices in the panel of the windows that the flight has taught already: nothing turns in them, so that they
-        look the same wherever pivots are.
+    taught
+        Indices in the panel of the instruments without needles that the flight has taught already: as long as they
+        stay where they are, it teaches the same again. Windows always do: they look the same wherever pivots are.
     """
 
     templates: Mapping[str, NeedleTemplate]
@@ -115,7 +115,7 @@ class Appearance:
     pictures: Mapping[str, LearnedPicture] = field(default_factory=dict)
     doubted: frozenset[str] = frozenset()
     least_at_home: Mapping[str, float] = field(default_factory=dict)
-    taught_windows: frozenset[int] = frozenset()
+    taught: frozenset[int] = frozenset()
 
     def look_of(self, index: int, gauge: Gauge) -> Look:
         """Return what is known of one gauge that has no needles."""

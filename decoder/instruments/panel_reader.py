@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
@@ -378,26 +378,31 @@ def _may_be_cut(gauge: Gauge) -> bool:
     return len(gauge.turning) == len(gauge.pointers) == 1
 
 
-def appearance_from_panel(drawn: UnwrappedPanel, known: Appearance | None = None) -> Appearance:
-    """Let each instrument's kind take its look from the panel's own pictures; windows keep what is `known`.
+def appearance_from_panel(
+    drawn: UnwrappedPanel, known: Appearance | None = None, stay: Collection[int] = ()
+) -> Appearance:
+    """Let each instrument's kind take its look from the panel's own pictures.
+
+    Windows keep what is `known`, and so do the dials without needles that `stay`, by their indices.
 
     Raises
     ------
     PanelError
         If a gauge or a template does not fit its picture.
     """
-    looks = []
+    looks, kept = [], set[int]()
     parts = zip(drawn.source.panel.gauges, drawn.grids, drawn.rims, drawn.gauges, strict=True)
     for index, (gauge, grid, rim, strip) in enumerate(parts):
         check = drawn.source.check_shows_half if _may_be_cut(gauge) else drawn.source.check_shows
         check(rim, f"gauges[{index}]")
-        if known is not None and not isinstance(grid, PolarGrid):
+        if known is not None and (index in stay or not isinstance(grid, PolarGrid)):
             looks.append(known.look_of(index, gauge))
+            kept.add(index)
         else:
             looks.append(kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip)))
     # a needle cut from a single picture need not match others better than any match must, whatever the light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
-    return seen if known is None else replace(seen, taught_windows=known.taught_windows)
+    return seen if known is None else replace(seen, taught=known.taught & kept)
 
 
 def _assumed_windows(source: PanelPictures) -> Iterator[str]:

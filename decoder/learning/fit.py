@@ -553,7 +553,14 @@ def _redrawn(
     panel = reader.source.panel.model_copy(update={"gauges": tuple(gauges)})
     source = replace(reader.source, panel=panel, planes=tuple(planes))
     unwrapped, method = UnwrappedPanel(source, reader.drawn.aligner), reader.method
-    return PanelReader.of(source, method, appearance_from_panel(unwrapped, reader.appearance), placement, unwrapped)
+    before = reader.source.panel.gauges, reader.source.planes or (None,) * len(gauges)
+    stay = [
+        index
+        for index, (gauge, plane, was, where) in enumerate(zip(gauges, planes, *before, strict=True))
+        if not gauge.turning and (gauge, plane) == (was, where)
+    ]
+    appearance = appearance_from_panel(unwrapped, reader.appearance, stay)
+    return PanelReader.of(source, method, appearance, placement, unwrapped)
 
 
 def _moved(centre: Point, plane: DialPlane | None, own: Alignment, step_px: Vector) -> Point:

@@ -63,7 +63,7 @@ def learn_appearance(
         for index, (gauge, grid, seen, first) in enumerate(zip(gauges, reader.grids, views, before.faces, strict=True))
         if isinstance(grid, PolarGrid)
     }
-    learned = set(range(len(gauges)) if of is None else of) - before.taught_windows
+    learned = set(range(len(gauges)) if of is None else of) - before.taught
     pictures: dict[str, LearnedPicture] = {}
     for index, (gauge, grid, face, seen) in enumerate(zip(gauges, reader.grids, before.faces, views, strict=True)):
         if index not in learned:
@@ -84,7 +84,7 @@ def learn_appearance(
             faces=tuple(faces),
             evenly_lit_score=EVENLY_LIT_SCORE,
             pictures=pictures,
-            taught_windows=frozenset(range(len(gauges))) - learners.keys(),
+            taught=before.taught | {index for index in learned if index not in learners or not gauges[index].turning},
         )
     )
 
