@@ -151,10 +151,14 @@ class Placed:
 
 @dataclass(frozen=True, slots=True)
 class DrawnInstrument(Placed):
-    """A gauge and how the panel picture shows it: `strip`, as it is sampled."""
+    """A gauge and how the panel picture shows it: `strip`, as it is sampled.
+
+    `is_moved` if a flight has put it elsewhere than it was drawn: if no needle shows there, the panel is not at fault.
+    """
 
     source: PanelPictures
     strip: UnwrappedGauge
+    is_moved: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +223,13 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
     plain = median_of(strip)
     layers = {}
     for place, needle in enumerate(gauge.needles):
-        cut = _template_picture(drawn.source, gauge, needle, grid, f"gauges[{drawn.index}].needles[{place}].template")
+        path = f"gauges[{drawn.index}].needles[{place}].template"
+        cut = _template_picture(drawn.source, gauge, needle, grid, path)
+        if float(cut.std()) < NOISE_LEVELS and not drawn.is_moved:
+            raise PanelError(
+                path,
+                "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius",
+            )
         layer = first_layer(cut, plain, grid.step_deg)
         layers[needle.name] = without_others(layer, rows_to_others(gauge, needle, grid), plain)
     covered = np.zeros(strip.shape, bool)
@@ -286,10 +296,6 @@ def _template_picture(
         source.check_shows(window.rim(), path)
         in_colour = source.dials_in_colour if is_panels else partial(source.in_colour, name)
         pixels = Unwrapper([window]).unwrap(picture, source.optics.own, in_colour)[0]
-    if float(pixels.std()) < NOISE_LEVELS:
-        if is_panels and source.blurred is not None:
-            return _template_picture(replace(source, blurred=None), gauge, needle, grid, path)
-        raise PanelError(
-            path, "shows no needle there: the picture is flat; check `at`, and the gauge's centre and radius"
-        )
+    if float(pixels.std()) < NOISE_LEVELS and is_panels and source.blurred is not None:
+        return _template_picture(replace(source, blurred=None), gauge, needle, grid, path)
     return pixels

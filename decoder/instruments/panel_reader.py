@@ -399,7 +399,9 @@ def appearance_from_panel(
             looks.append(known.look_of(index, gauge))
             kept.add(index)
         else:
-            looks.append(kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip)))
+            looks.append(
+                kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip, known is not None))
+            )
     # a needle cut from a single picture need not match others better than any match must, whatever the light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
     return seen if known is None else replace(seen, taught=known.taught & kept)

@@ -18,9 +18,9 @@ WORST_DEG = 2.0
 """What rules let a recorder be off."""
 
 
-def errors_deg(source: Source, folder: Path) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+def errors_deg(source: Source, folder: Path, every: int = 1) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
     """By roll and pitch the errors of what is `read`; at least four of five frames are."""
-    decoded = decode_source(source, folder)
+    decoded = decode_source(source, folder, every=every)
     found = {}
     for series, truth in zip(decoded.series, decoded.truth, strict=True):
         is_read = series.status == "read"
@@ -50,11 +50,11 @@ def test_an_indicator_that_others_drew_is_read(source: Source, tmp_path: Path) -
 def test_the_simulators_indicator_is_read(
     source: Source, mean_roll_deg: float, mean_pitch_deg: float, tmp_path: Path
 ) -> None:
-    """Its horizon turns by one and a half times what the bank ring does, and shows no ladder."""
+    """Its horizon turns by one and a half times what the bank ring does, and shows no ladder: one of three frames."""
     if source not in available():
         pytest.skip("benchmarks/real_pictures.py says which pictures belong beside the checkout")
 
-    off_deg = errors_deg(source, tmp_path)
+    off_deg = errors_deg(source, tmp_path, every=3)
 
     assert off_deg[ROLL_DEG].mean() < mean_roll_deg
     assert off_deg[PITCH_DEG].mean() < mean_pitch_deg

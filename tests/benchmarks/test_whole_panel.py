@@ -21,8 +21,8 @@ DISPLAYS_AND_STATES = ("_mhz", "_khz", "_nmi", "_kt", "_on")
 
 
 def test_nothing_on_the_whole_panel_is_sure_and_wrong(tmp_path: Path) -> None:
-    """Through a bad lens nearly all is read of every column but two, nothing is grossly off, and no display wrong."""
-    found = {each.needle: each for each in reads(decode_source(SOURCES[1], tmp_path))}
+    """Every other frame, through a bad lens: two columns are hardly seen; nothing is grossly off, no display wrong."""
+    found = {each.needle: each for each in reads(decode_source(SOURCES[1], tmp_path, every=2))}
 
     assert len(found) > 40
     assert {name: each.gross for name, each in found.items() if each.gross} == {}

@@ -79,7 +79,7 @@ LENSES = {
     ),
 }
 
-EVERY = 2
+EVERY = 4
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.drawn_points import log_odds_of_scales, seen_from
-from decoder.learning.fit import FittedReader, fit_to_flight
+from decoder.learning.fit import FittedReader, around_pivots, fit_to_flight
 from decoder.learning.pivot_path import PivotPath
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
@@ -269,3 +269,17 @@ def test_hands_of_an_altimeter_are_read_around_a_centre_that_is_far_off() -> Non
 def ring_of_marks(turn: float, around: Callable[[float], float]) -> list[list[float]]:
     """Ten marks all round, as they are clicked."""
     return [[around(270.0 + 36.0 * number), turn / 10 * number] for number in range(10)]
+
+
+def test_needle_that_does_not_show_around_a_moved_pivot_is_missing() -> None:
+    """A search may go astray on one dial: where its needle was drawn is nothing then, and the flight goes on."""
+
+    def bare(angle_deg: float, seed: int) -> Any:  # noqa: ANN401 - a picture
+        return paint(lambda canvas: (canvas.dial([]), canvas.hand(Hand(), angle_deg)), noise=0.5, seed=seed)
+
+    reader = reader_for([GAUGE], bare(PANEL_DEG, 1))
+    moved = around_pivots(reader, [(25.0, -25.0)], drawn=reader.source.panel.gauges)
+
+    assert {read_picture(moved, bare(at, 3)).readings["speed_kt"].status for at in (150.0, PANEL_DEG)} == {
+        Status.MISSING
+    }
