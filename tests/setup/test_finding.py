@@ -365,18 +365,18 @@ WHOLE = {
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared is absent")
 def test_a_drawn_cockpit_is_found(tmp_path: Path) -> None:
     """Ten dials of a whole panel from aside: all of them read right, and no other."""
-    frames, pictures = tmp_path / "frames", sorted((SHARED / "cockpit_flight" / "flight_a").glob("*.jpg"))[::2]
+    frames, pictures = tmp_path / "frames", sorted((SHARED / "cockpit_flight" / "flight_a").glob("*.jpg"))
     frames.mkdir()
     for picture in pictures:
         (frames / picture.name).symlink_to(picture)
     flight, panel = tmp_path / "flight.mcap", tmp_path / "panel.yaml"
-    ran("recorder", "replay", frames, "-o", flight, "--rate", "2")
+    ran("recorder", "replay", frames, "-o", flight, "--rate", "4")
 
     drafted(SetupSession(open_source([flight]), None, panel))
     ran("decode", flight, "--panel", panel, "-o", tmp_path, "--format", "csv")
 
     with (SHARED / "cockpit_flight" / "flight_a_truth.csv").open(encoding="utf-8") as rows:
-        truth = list(csv.DictReader(rows))[::2]
+        truth = list(csv.DictReader(rows))
     with (tmp_path / "flight.csv").open(encoding="utf-8") as rows:
         told = list(csv.DictReader(rows))
     gauges = yaml.safe_load(panel.read_text(encoding="utf-8"))["gauges"]
