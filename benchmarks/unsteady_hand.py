@@ -50,10 +50,17 @@ def manners(source: Source, folder: Path) -> Iterator[tuple[str, Source]]:
 
 
 def _unsteady(gauge: Document, part: float, hand: np.random.Generator) -> Document:
-    """A gauge whose centre is off by a part of its outer radius, in any direction, and each mark by itself."""
+    """A gauge whose centre is off by a part of its outer radius, in any direction, and each mark by itself.
+
+    A ball's tube is off as a whole, and of a window each corner, by a part of half their length.
+    """
     towards = hand.uniform(0, 2 * np.pi)
     if "ball" in gauge:
         return {**gauge, "ball": _beside(gauge["ball"], part, towards)}
+    if "window" in gauge:
+        corners = np.array(gauge["window"], float)
+        most_px = part / 2 * np.hypot(*np.ptp(corners, axis=0))
+        return {**gauge, "window": (corners + hand.uniform(-most_px, most_px, corners.shape)).tolist()}
     off_px = part * gauge["radius"][1] * np.array([np.cos(towards), np.sin(towards)])
     centre = [float(at) for at in np.add(gauge["centre"], off_px)]
     return {**gauge, "centre": centre, "scale": _shaken(gauge["scale"], hand)}
@@ -62,7 +69,7 @@ def _unsteady(gauge: Document, part: float, hand: np.random.Generator) -> Docume
 def _clicked(gauge: Document, part: float, hand: np.random.Generator) -> Document:
     """The same by somebody who clicks on marks and needles: each is a point, seen from the centre that is off."""
     drawn = _unsteady(gauge, part, hand)
-    if "ball" in gauge:  # its places are points already
+    if "ball" in gauge or "window" in gauge:  # its places are points already
         return drawn
     off_px = np.subtract(drawn["centre"], gauge["centre"])
 

@@ -224,6 +224,8 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
     layers = {}
     for place, needle in enumerate(gauge.needles):
         path = f"gauges[{drawn.index}].needles[{place}].template"
+        if not drawn.is_moved:
+            _check_shown(drawn.source, gauge, needle, grid, path)
         cut = _template_picture(drawn.source, gauge, needle, grid, path)
         if float(cut.std()) < NOISE_LEVELS and not drawn.is_moved:
             raise PanelError(
@@ -271,6 +273,18 @@ def _row_in_panel_picture(
     return float(scores.argmax()) if scores.max() >= SCORE_THRESHOLD else None
 
 
+def _check_shown(source: PanelPictures, gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid, path: str) -> None:
+    """Raise PanelError unless a needle that is cut where it stands is drawn in its sweep and in the picture."""
+    at_deg = needle.template.at
+    if at_deg is None:
+        return
+    start_deg, end_deg = gauge.sweep
+    beside_deg = math.remainder(at_deg - (start_deg + end_deg) / 2, 360.0)
+    if abs(beside_deg) > (end_deg - start_deg) / 2 + 45.0:
+        raise PanelError(f"{path}.at", f"{at_deg:g} degrees lies outside the gauge's sweep")
+    source.check_shows(grid.at(at_deg, odd_rows(needle.template.span_deg, grid.step_deg)).rim(), path)
+
+
 def _template_picture(
     source: PanelPictures, gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid, path: str
 ) -> Floats:
@@ -288,12 +302,7 @@ def _template_picture(
     else:
         if picture.shape != source.picture.shape:
             raise PanelError(f"{path}.picture", "is not of the panel picture's size, so `at` has no meaning in it")
-        start_deg, end_deg = gauge.sweep
-        beside_deg = math.remainder(template.at - (start_deg + end_deg) / 2, 360.0)
-        if abs(beside_deg) > (end_deg - start_deg) / 2 + 45.0:
-            raise PanelError(f"{path}.at", f"{template.at:g} degrees lies outside the gauge's sweep")
         window = grid.at(template.at, rows)
-        source.check_shows(window.rim(), path)
         in_colour = source.dials_in_colour if is_panels else partial(source.in_colour, name)
         pixels = Unwrapper([window]).unwrap(picture, source.optics.own, in_colour)[0]
     if float(pixels.std()) < NOISE_LEVELS and is_panels and source.blurred is not None:

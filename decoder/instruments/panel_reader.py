@@ -393,7 +393,9 @@ def appearance_from_panel(
     looks, kept = [], set[int]()
     parts = zip(drawn.source.panel.gauges, drawn.grids, drawn.rims, drawn.gauges, strict=True)
     for index, (gauge, grid, rim, strip) in enumerate(parts):
-        check = drawn.source.check_shows_half if _may_be_cut(gauge) else drawn.source.check_shows
+        # Where a flight has moved a dial at the picture's border, part of it lies outside.
+        is_cut = _may_be_cut(gauge) or known is not None
+        check = drawn.source.check_shows_half if is_cut else drawn.source.check_shows
         check(rim, f"gauges[{index}]")
         if known is not None and (index in stay or not isinstance(grid, PolarGrid)):
             looks.append(known.look_of(index, gauge))

@@ -19,6 +19,7 @@ from decoder.learning.drawn_points import log_odds_of_scales, seen_from
 from decoder.learning.fit import FittedReader, around_pivots, fit_to_flight
 from decoder.learning.pivot_path import PivotPath
 from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
 from tests.decoder.instruments import altimeters
@@ -283,3 +284,16 @@ def test_needle_that_does_not_show_around_a_moved_pivot_is_missing() -> None:
     assert {read_picture(moved, bare(at, 3)).readings["speed_kt"].status for at in (150.0, PANEL_DEG)} == {
         Status.MISSING
     }
+
+
+def test_dial_at_the_border_whose_pivot_is_moved_out_of_the_picture_does_not_end_the_flight() -> None:
+    """Only what is drawn beyond the border is the panel's fault, and of two hands the one outside shows nothing."""
+    hands = [*GAUGE["needles"], {"name": "bug_kt", "template": {"at": 270.0, "span": 16}}]
+    at_border = {**GAUGE, "radius": [20, CENTRE[1] - 1], "needles": hands}
+    reader = reader_for([at_border], draw(PANEL_DEG, 1))
+
+    moved = around_pivots(reader, [(0.0, -6.0)], drawn=reader.source.panel.gauges)
+
+    assert len(read_picture(moved, draw(150.0, 3)).readings) == len(hands)
+    with pytest.raises(PanelError, match="outside"):
+        reader_for([{**at_border, "centre": [CENTRE[0], CENTRE[1] - 6.0]}], draw(PANEL_DEG, 1))
