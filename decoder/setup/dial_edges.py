@@ -78,7 +78,7 @@ def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
     away_px = np.arange(-BESIDE_PX, BESIDE_PX + MARK_STEP_PX / 2, MARK_STEP_PX)
     angles = clicked + away_px / radius_px
     radii = radius_px + np.linspace(-RING_PX, RING_PX, 9)
-    light = _rings(picture, drawn, angles, radii).mean(axis=1)
+    light = levels_on_rings(picture, drawn, angles, radii).mean(axis=1)
     contrast = light - np.median(light)
     near = np.exp(-0.5 * (away_px / LIKELY_PX) ** 2)
     best = int((np.abs(contrast) * near).argmax())
@@ -107,7 +107,7 @@ def _middle(light: Floats, place: float) -> float:
     return place
 
 
-def _rings(picture: GreyPicture, drawn: DrawnPlane, angles: Floats, radii: Floats) -> Floats:
+def levels_on_rings(picture: GreyPicture, drawn: DrawnPlane, angles: Floats, radii: Floats) -> Floats:
     """(angles, radii): grey levels of the dial."""
     points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
     x, y = drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
@@ -171,8 +171,7 @@ def circle_through(drawn: DrawnPlane, points: Sequence[XY]) -> Ring:
     b, c = (bx - ax) ** 2 + (by - ay) ** 2, (cx - ax) ** 2 + (cy - ay) ** 2
     right = ((cy - ay) * b - (by - ay) * c) / (2 * double_area)
     down = ((bx - ax) * c - (cx - ax) * b) / (2 * double_area)
-    around = DrawnPlane(drawn.plane.around((ax + right, ay + down)), drawn.lens)
-    return Ring(around, math.hypot(right, down))
+    return Ring(drawn.moved(ax + right, ay + down), math.hypot(right, down))
 
 
 def bent(ring: Ring, points: Sequence[XY]) -> Ring:
@@ -222,10 +221,8 @@ def _design(angles: Floats, freedom: Freedom) -> NDArray[np.float64]:
 
 def _slopes(picture: GreyPicture, ring: Ring, angles: Floats, offsets: Floats) -> Floats:
     """(angles, offsets): how fast the picture brightens outwards."""
-    radii = ring.radius_px + offsets
-    points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
-    x, y = ring.drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
-    smooth = cv2.GaussianBlur(sampled_at(picture, x, y), (5, 1), 0)
+    levels = levels_on_rings(picture, ring.drawn, angles, ring.radius_px + offsets)
+    smooth = cv2.GaussianBlur(levels, (5, 1), 0)
     slopes: Floats = np.gradient(smooth, axis=1)
     return slopes
 
@@ -268,6 +265,12 @@ class Rim:
     radius_px: float
     points: list[list[float]] | None
     drawn: DrawnPlane
+
+
+def oblique_rim(planes: Planes, drawn: DrawnPlane, radius_px: float) -> Rim:
+    """Make the rim of a gauge of a circle on a plane that follows from the rim alone."""
+    points = rim_of(drawn, radius_px)
+    return Rim(drawn.centre, radius_px, points, planes.drawn(drawn.centre, points))
 
 
 def begun(picture: GreyPicture, planes: Planes, clicks: Sequence[XY]) -> Rim:

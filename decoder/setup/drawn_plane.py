@@ -83,7 +83,10 @@ class DrawnPlane:
 
     def around(self, at: XY) -> DrawnPlane:
         """Move the pivot to a place in the picture."""
-        x, y = self.to_dial(np.array(at, np.float64)[:, None])[:, 0]
+        return self.moved(*self.to_dial(np.array(at, np.float64)[:, None])[:, 0])
+
+    def moved(self, x: float, y: float) -> DrawnPlane:
+        """Move the pivot to a point of the dial."""
         return DrawnPlane(self.plane.around((float(x), float(y))), self.lens)
 
     @property
@@ -156,7 +159,16 @@ class Planes:
         height = _valid(_LENGTH, height_inches)
         if height is None or self.inches is None or self.optics.lens is None:
             return None
-        return Raised(height, tuple((self.inches / self.inches[2, 2]).ravel().tolist()))
+        return _raised(height, self.inches)
+
+
+def _raised(height_inches: float, inches: Matrix) -> Raised:
+    return Raised(height_inches, tuple((inches / inches[2, 2]).ravel().tolist()))
+
+
+def away(one_deg: float, other_deg: float) -> float:
+    """Return how far an angle is from another one, degrees clockwise, in [-180, 180)."""
+    return (one_deg - other_deg + 180.0) % 360.0 - 180.0
 
 
 def rim_of(drawn: DrawnPlane, radius_px: float) -> list[list[float]]:
@@ -193,7 +205,7 @@ def height_inches(source: PanelPictures, moved_px: XY | None) -> float | None:
     if moved_px is None or gauge.needle_height_inches or inches is None or optics.lens is None:
         return None
     foot = np.array(gauge.centre, np.float64)[:, None]
-    raised = Raised(TRIED_INCHES, tuple((inches / inches[2, 2]).ravel().tolist())).seen_in(optics.own)
+    raised = _raised(TRIED_INCHES, inches).seen_in(optics.own)
     straight = np.asarray(optics.straight(foot), np.float64)
     right, down = (float(each) / TRIED_INCHES for each in (carried(raised, straight) - straight)[:, 0])
     height = (moved_px[0] * right + moved_px[1] * down) / max(right**2 + down**2, 1e-9)

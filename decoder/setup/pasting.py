@@ -21,7 +21,7 @@ from decoder.panel.gauge import KINDS
 from decoder.panel.kinds.straight import ACROSS
 from decoder.panel.scale import turned
 from decoder.registration.aligner import Aligner
-from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px
+from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, away, mean_radius_px
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ def _carry_dial(
     middle_deg = sum(gauge["sweep"]) / 2
     ring = np.array([places.place(at) for at in here.ring(outer).T.tolist()]).T
     size = mean_radius_px(there, ring) / outer
-    turn = (there.polar(places.place(here.place(middle_deg, outer)))[0] - middle_deg + 180.0) % 360.0 - 180.0
+    turn = away(there.polar(places.place(here.place(middle_deg, outer)))[0], middle_deg)
     gauge["radius"] = [round(radius * size, 3) for radius in gauge["radius"]]
     for key in ("sweep", "stops"):
         if gauge.get(key):

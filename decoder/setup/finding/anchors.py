@@ -54,7 +54,7 @@ def anchors_on(picture: Grey, frames: Sequence[Grey]) -> list[ProposedAnchor]:
     still = [index for index in np.argsort(-seen) if seen[index] >= SCORE_THRESHOLD]
     return [
         ProposedAnchor(candidates[index], round(float(seen[index]), 3), round(_alike(picture, candidates[index]), 3))
-        for index in _spread([candidates[index] for index in still], still)
+        for index in _spread(candidates, still)
     ]
 
 
@@ -104,10 +104,9 @@ def _found(picture: Grey, frame: Grey, box: tuple[int, int, int, int]) -> tuple[
     return float(column + x - left), float(row + y - top), float(scores[row, column])
 
 
-def _spread(boxes: Sequence[tuple[int, int, int, int]], names: Sequence[int]) -> list[int]:
-    """Choose boxes one by one, each as far as possible from those before it."""
+def _spread(boxes: Sequence[tuple[int, int, int, int]], left: list[int]) -> list[int]:
+    """Choose from the boxes that are left one by one, each as far as possible from those before it."""
     chosen: list[int] = []
-    left = list(range(len(boxes)))
     for _ in range(MOST):
         if not left:
             break
@@ -117,4 +116,4 @@ def _spread(boxes: Sequence[tuple[int, int, int, int]], names: Sequence[int]) ->
         )
         chosen.append(best)
         left.remove(best)
-    return [names[index] for index in chosen]
+    return chosen

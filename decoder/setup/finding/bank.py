@@ -10,8 +10,8 @@ import numpy as np
 
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
-from decoder.setup.dial_edges import Rim
-from decoder.setup.drawn_plane import XY, DrawnPlane, rim_of
+from decoder.setup.dial_edges import oblique_rim
+from decoder.setup.drawn_plane import XY, DrawnPlane
 from decoder.setup.finding.dials import APART_PX, FoundDial, Page, likely_px
 from decoder.setup.finding.strokes import aimed_at, peaks
 from decoder.setup.finding.thresholds import CLEAR_DIRECTIONS, LEAST_RUN, OFF_DEG
@@ -49,8 +49,7 @@ def banks_on(page: Page, found: Sequence[FoundDial], shape: Floats | None) -> It
                 ticks = [_seen_from(tick, comb, drawn) for tick in comb.ticks]
                 own = [tick for tick in ticks if _beside_deg(np.array([tick.angle_deg - zero_deg]))[0] <= 2 * OFF_DEG]
                 laid = replace(comb, ticks=tuple(sorted(own, key=lambda tick: tick.angle_deg)))
-                points = rim_of(drawn, laid.ring_px[1])
-                rim = Rim(drawn.centre, laid.ring_px[1], points, page.planes.drawn(drawn.centre, points))
+                rim = oblique_rim(page.planes, drawn, laid.ring_px[1])
                 taken.append((rim.centre, rim.radius_px))
                 yield FoundDial(replace(laid, rim=rim), (), (), 0.0), zero_deg
                 break
@@ -69,14 +68,12 @@ def bank_of(comb: Comb, shape: Floats) -> tuple[DrawnPlane, float] | None:
         fitted
         for first_deg in _turn_deg(points)
         for wide in WIDE
-        for fitted in (_fitted(points, float(first_deg), wide),)
-        if fitted is not None
+        if (fitted := _fitted(points, float(first_deg), wide)) is not None
     ]
     if not told:
         return None
     _, _, zero_deg, pivot = max(told, key=lambda each: each[:2])
-    x, y = flat.to_picture(np.array(pivot)[:, None])[:, 0]
-    return flat.around((float(x), float(y))), zero_deg % FULL_CIRCLE_DEG
+    return flat.moved(*pivot), zero_deg % FULL_CIRCLE_DEG
 
 
 def _fitted(points: Floats, zero_deg: float, wide: float) -> tuple[int, float, float, XY] | None:

@@ -157,9 +157,7 @@ def _groups(looks: Sequence[tuple[float, XY, Fit]]) -> Iterator[list[tuple[float
 
 def likely_px(strokes: Strokes, place: XY) -> list[float]:
     """Guess the distance of a dial's ticks from its pivot: where there are most strokes that aim at it."""
-    away = strokes.at - np.array(place)
-    far = np.hypot(away[:, 0], away[:, 1])
-    miss = np.abs(away[:, 0] * strokes.along[:, 1] - away[:, 1] * strokes.along[:, 0])
+    far, miss = strokes.seen_from(place)
     own = far[(miss < 0.02 * far + 1.0) & (far > LEAST_RADIUS_PX) & (strokes.length_px < 0.4 * far)]
     if not len(own):
         return []

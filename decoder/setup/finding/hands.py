@@ -22,7 +22,7 @@ from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Combined
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.thresholds import NOISE_LEVELS
-from decoder.setup.drawn_plane import XY, DrawnPlane
+from decoder.setup.drawn_plane import XY, DrawnPlane, away
 from decoder.setup.finding.thresholds import ALIKE, LEAST_RUN, LONG_PART, MISS_PX, NEAR_DEG, RING_PART
 from decoder.setup.proposals import Dial, Pictures
 
@@ -210,7 +210,7 @@ def reaches_across(tips: Sequence[Tip], at_deg: float) -> bool:
 
 
 def _is_near(angle_deg: float, other_deg: float) -> bool:
-    return abs((angle_deg - other_deg + 180.0) % FULL_CIRCLE_DEG - 180.0) < 2 * NEAR_DEG
+    return abs(away(angle_deg, other_deg)) < 2 * NEAR_DEG
 
 
 def turning(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> DrawnPlane | None:
@@ -225,7 +225,7 @@ def turning(seen: Pictures, drawn: DrawnPlane, ring_px: float) -> DrawnPlane | N
 
 def turning_at(frames: Sequence[Sequence[Tip]], drawn: DrawnPlane) -> DrawnPlane:
     """Move a dial's pivot to where the axes of all tips meet; it stays if they do not determine it."""
-    lines = [line for tips in frames for tip in tips for line in (_line(tip.axis),) if line is not None]
+    lines = [line for tips in frames for tip in tips if (line := _line(tip.axis)) is not None]
     if len(lines) < 2 * LEAST_RUN:
         return drawn
     points, along, lengths = (np.array(each) for each in zip(*lines, strict=True))
@@ -238,8 +238,7 @@ def turning_at(frames: Sequence[Sequence[Tip]], drawn: DrawnPlane) -> DrawnPlane
         at = np.linalg.solve(weighted.T @ normal + float(lengths.mean()) * STAYS * np.eye(2), weighted.T @ off)
         left = np.abs(normal @ at - off)
         weights = lengths / (1.0 + (left / (HALF + float(np.median(left)))) ** 2) ** 2
-    x, y = drawn.to_picture(at[:, None])[:, 0]
-    return drawn.around((float(x), float(y)))
+    return drawn.moved(*at)
 
 
 def _line(axis: Floats) -> tuple[Floats, Floats, float] | None:

@@ -16,6 +16,7 @@ import numpy as np
 from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.setup.drawn_plane import away
 from decoder.setup.finding.scales import Fit, Numeral
 from decoder.setup.finding.thresholds import ALIKE, ENOUGH, LEAST_APART_DEG, LEAST_RUN, MOST_BEND, NEAR_DEG, OFF_DEG
 from decoder.setup.finding.ticks import Comb, Tick
@@ -60,10 +61,7 @@ def marked(fit: Fit, comb: Comb) -> Marked:
         return _all_round(fit, comb)
     angles = _unwound(fit.numerals)
     values = np.array(fit.values)
-    even = _even(fit, comb, angles, values)
-    if even is not None:
-        return even
-    return _uneven(fit, comb, angles, values)
+    return _even(fit, comb, angles, values) or _uneven(fit, comb, angles, values)
 
 
 def _unwound(numerals: Sequence[Numeral]) -> Floats:
@@ -73,12 +71,8 @@ def _unwound(numerals: Sequence[Numeral]) -> Floats:
 
 
 def _nearest(comb: Comb, angle_deg: float, reach_deg: float) -> Tick | None:
-    near = [tick for tick in comb.ticks if abs(_away(tick.angle_deg, angle_deg)) <= reach_deg]
-    return min(near, key=lambda tick: abs(_away(tick.angle_deg, angle_deg)), default=None)
-
-
-def _away(one_deg: float, other_deg: float) -> float:
-    return (one_deg - other_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
+    near = [tick for tick in comb.ticks if abs(away(tick.angle_deg, angle_deg)) <= reach_deg]
+    return min(near, key=lambda tick: abs(away(tick.angle_deg, angle_deg)), default=None)
 
 
 def _all_round(fit: Fit, comb: Comb) -> Marked:
@@ -87,20 +81,20 @@ def _all_round(fit: Fit, comb: Comb) -> Marked:
         raise ValueError("not numbered all the way round")
     degrees = FULL_CIRCLE_DEG / fit.family.turn
     values = np.array(fit.values)
-    offs = [_away(each.angle_deg, degrees * value) for each, value in zip(fit.numerals, values, strict=True)]
-    begin = offs[0] + float(np.median([_away(off, offs[0]) for off in offs]))
+    offs = [away(each.angle_deg, degrees * value) for each, value in zip(fit.numerals, values, strict=True)]
+    begin = offs[0] + float(np.median([away(off, offs[0]) for off in offs]))
     places = sorted(range(len(values)), key=lambda index: float((degrees * values[index]) % FULL_CIRCLE_DEG))
     all_places = begin + degrees * np.arange(round(fit.family.turn / fit.family.step)) * fit.family.step
     moved = _onto_ticks(comb, all_places)
     near = [_nearest(comb, place + moved, OFF_DEG) for place in all_places]
     hit = [
-        _away(tick.angle_deg, place + moved) for tick, place in zip(near, all_places, strict=True) if tick is not None
+        away(tick.angle_deg, place + moved) for tick, place in zip(near, all_places, strict=True) if tick is not None
     ]
     begin += moved + (float(np.median(hit)) if hit else 0.0)
     marks = []
     for index in places:
         at = begin + degrees * values[index]
-        marks.append(Mark(at, float(values[index]), fit.numerals[index], _away(fit.numerals[index].angle_deg, at)))
+        marks.append(Mark(at, float(values[index]), fit.numerals[index], away(fit.numerals[index].angle_deg, at)))
     doubt = "" if len(hit) * 3 >= 2 * len(all_places) else "its numerals go all the way round, its ticks do not"
     return Marked(fit, tuple(marks), fit.family.turn, is_even=True, doubt=doubt)
 
@@ -143,22 +137,20 @@ def _even(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked | None
         if len(there) < LEAST_RUN:
             return None
         at = [
-            slope * values[index] + start + _away(tick.angle_deg, slope * values[index] + start)
+            slope * values[index] + start + away(tick.angle_deg, slope * values[index] + start)
             for index, tick in enumerate(own)
             if tick is not None
         ]
         slope, start = _line(values[there], np.array(at))
-    off = [_away(tick.angle_deg, slope * values[index] + start) for index, tick in enumerate(own) if tick is not None]
+    off = [away(tick.angle_deg, slope * values[index] + start) for index, tick in enumerate(own) if tick is not None]
     close = [abs(each) <= OFF_DEG for each in off]
     if sum(close) < len(close) or sum(close) * 4 < len(values) * 3:
         return None
     marks = []
-    for index, tick in enumerate(own):
-        there_deg = slope * values[index] + start
-        angle = there_deg if tick is None else there_deg + _away(tick.angle_deg, there_deg)
-        marks.append(
-            Mark(float(angle), float(values[index]), fit.numerals[index], _away(fit.numerals[index].angle_deg, angle))
-        )
+    for value, numeral, tick in zip(values, fit.numerals, own, strict=True):
+        there_deg = slope * value + start
+        angle = there_deg if tick is None else there_deg + away(tick.angle_deg, there_deg)
+        marks.append(Mark(float(angle), float(value), numeral, away(numeral.angle_deg, angle)))
     marks = _both_ends(fit, comb, marks)
     doubt = _doubt_of(fit, len(off))
     against = [each for each in fit.beyond if not _goes_on(each, slope, start)]
@@ -183,13 +175,13 @@ def _both_ends(fit: Fit, comb: Comb, marks: Sequence[Mark]) -> list[Mark]:
             and abs(kept[-1].angle_deg - kept[0].angle_deg) + abs(angle - kept[min(place, len(kept) - 1)].angle_deg)
             < FULL_CIRCLE_DEG
         ):
-            kept.insert(place, Mark(angle + _away(tick.angle_deg, angle), -end.value, end.numeral, end.off_deg))
+            kept.insert(place, Mark(angle + away(tick.angle_deg, angle), -end.value, end.numeral, end.off_deg))
     return kept
 
 
 def _goes_on(numeral: Numeral, slope: float, start: float) -> bool:
     """Whether a scale extended beyond its ends has a number there, or the other side of zero has it."""
-    return any(abs(_away(slope * sign * numeral.value + start, numeral.angle_deg)) <= NEAR_DEG for sign in (1.0, -1.0))
+    return any(abs(away(slope * sign * numeral.value + start, numeral.angle_deg)) <= NEAR_DEG for sign in (1.0, -1.0))
 
 
 def _line(values: Floats, angles: Floats) -> tuple[float, float]:
@@ -208,15 +200,15 @@ def _uneven(fit: Fit, comb: Comb, angles: Floats, values: Floats) -> Marked:
     long = float(np.percentile(lengths, 85))
     marks, with_tick = [], []
     for numeral, angle_deg, value in zip(fit.numerals, angles, values, strict=True):
-        near = [tick for tick in comb.ticks if abs(_away(tick.angle_deg, angle_deg)) <= NEAR_DEG]
+        near = [tick for tick in comb.ticks if abs(away(tick.angle_deg, angle_deg)) <= NEAR_DEG]
         tick = min(
             near,
-            key=lambda each: abs(_away(each.angle_deg, angle_deg)) / NEAR_DEG + 2 * max(1 - each.length_px / long, 0.0),
+            key=lambda each: abs(away(each.angle_deg, angle_deg)) / NEAR_DEG + 2 * max(1 - each.length_px / long, 0.0),
             default=None,
         )
         if tick is None:
             continue
-        off = _away(tick.angle_deg, float(angle_deg))
+        off = away(tick.angle_deg, float(angle_deg))
         marks.append(Mark(float(angle_deg + off), float(value), numeral, -off))
         with_tick.append(tick)
     marks = _trimmed(marks)

@@ -11,6 +11,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Unwrapper
 from decoder.setup.dial_edges import Rim
+from decoder.setup.drawn_plane import away
 from decoder.setup.finding.strokes import strokes_in
 from decoder.setup.finding.thresholds import LONG_PART, NEAR_PART
 from decoder.setup.proposals import Dial, Pictures
@@ -31,9 +32,8 @@ def hands_turn(laid: Sequence[GreyPicture], still: GreyPicture, rim: Rim, radius
     for frame in laid:
         changed = np.abs(frame[window].astype(np.int16) - still[window]).astype(np.uint8)
         strokes = strokes_in(changed)
-        away = strokes.at + np.array([left - x, top - y])
-        miss = np.abs(away[:, 0] * strokes.along[:, 1] - away[:, 1] * strokes.along[:, 0])
-        hands = (strokes.length_px > LONG_PART * radius_px) & (np.hypot(*away.T) < radius_px)
+        far, miss = strokes.seen_from((x - left, y - top))
+        hands = (strokes.length_px > LONG_PART * radius_px) & (far < radius_px)
         all_of_them += float(strokes.length_px[hands].sum())
         aiming += float(strokes.length_px[hands & (miss < NEAR_PART * radius_px)].sum())
     return aiming > HALF * all_of_them and not math.isclose(all_of_them, 0.0)
@@ -59,5 +59,5 @@ def turned_deg(seen: Pictures, rim: Rim, ring_px: tuple[float, float]) -> list[t
         alike = np.fft.irfft((np.fft.rfft(there, axis=0) * spectrum).sum(axis=1), rows)
         alike /= max(float(np.linalg.norm(there) * np.linalg.norm(own - own.mean(axis=0))), 1e-9)
         best = int(alike.argmax())
-        found.append((((best * grid.step_deg) + 180.0) % 360.0 - 180.0, float(alike[best])))
+        found.append((away(best * grid.step_deg, 0.0), float(alike[best])))
     return found

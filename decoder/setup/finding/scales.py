@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from decoder.panel.scale import FULL_CIRCLE_DEG
+from decoder.setup.drawn_plane import away
 from decoder.setup.finding.thresholds import LEAST_RUN, MOST_BEND, MOST_TURN_DEG, NEAR_DEG, OFF_DEG, RING_PART
 
 # The cost of a numeral out of order, relative to one in order.
@@ -145,15 +146,18 @@ def _all_round(ring: Sequence[Numeral], family: Family) -> Fit | None:
     degrees = FULL_CIRCLE_DEG / family.turn
     letter = family.turn / 36.0
 
+    def value_of(each: Numeral) -> float:
+        return each.value * letter if each.is_letter else each.value
+
     def place(each: Numeral) -> float:
-        return each.angle_deg - degrees * (each.value * letter if each.is_letter else each.value)
+        return each.angle_deg - degrees * value_of(each)
 
     best: list[Numeral] = []
     for one in ring:
-        agree = [each for each in ring if abs(_turned(place(each) - place(one))) <= NEAR_DEG]
+        agree = [each for each in ring if abs(away(place(each), place(one))) <= NEAR_DEG]
         if sum(each.sure for each in agree) > sum(each.sure for each in best):
             best = agree
-    values = [(each.value * letter if each.is_letter else each.value) for each in best]
+    values = [value_of(each) for each in best]
     fitting = all(0 <= value <= family.turn and value % family.step == 0 for value in values)
     if family.name == "clock":
         fitting = fitting and any(value == family.turn for value in values)
@@ -168,16 +172,12 @@ def _all_round(ring: Sequence[Numeral], family: Family) -> Fit | None:
     return Fit(tuple(best), tuple(value % family.turn for value in values), strangers, family)
 
 
-def _turned(angle_deg: float) -> float:
-    return (angle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
-
-
 def _runs(ring: Sequence[Numeral]) -> Iterator[Fit | None]:
     """Find the longest runs in order: rising or falling clockwise, or rising to both sides of a zero."""
     numbers = [each for each in ring if not each.is_letter]
     yield _longest(numbers, [each.value for each in numbers], centred=False)
     for zero in (each for each in numbers if each.value == 0):
-        signed = [math.copysign(each.value, _turned(each.angle_deg - zero.angle_deg)) for each in numbers]
+        signed = [math.copysign(each.value, away(each.angle_deg, zero.angle_deg)) for each in numbers]
         yield _longest(numbers, signed, centred=True)
 
 

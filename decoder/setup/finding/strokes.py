@@ -42,6 +42,11 @@ class Strokes:
         """Select some."""
         return Strokes(self.at[chosen], self.along[chosen], self.length_px[chosen])
 
+    def seen_from(self, point: tuple[float, float]) -> tuple[Floats, Floats]:
+        """(N,) each: how far strokes are from a point, and how far beside it their lines pass."""
+        away = self.at - np.array(point)
+        return np.hypot(*away.T), np.abs(away[:, 0] * self.along[:, 1] - away[:, 1] * self.along[:, 0])
+
 
 def strokes_in(picture: NDArray[np.uint8]) -> Strokes:
     """Find the straight edges of a grey picture, (H, W)."""

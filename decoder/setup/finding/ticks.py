@@ -19,8 +19,8 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
 from decoder.registration.thresholds import NOISE_LEVELS
-from decoder.setup.dial_edges import Rim, Ring, begun, mark_angle_deg, sampled_at
-from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, rim_of
+from decoder.setup.dial_edges import Rim, Ring, begun, levels_on_rings, mark_angle_deg, oblique_rim
+from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
 from decoder.setup.finding.strokes import Strokes
 from decoder.setup.finding.thresholds import (
     ALL_ROUND_DEG,
@@ -119,15 +119,12 @@ def comb_about(picture: NDArray[np.uint8], planes: Planes, comb: Comb, drawn: Dr
         x, y = _radiating(picture, drawn, ticks)
         if math.hypot(x, y) > HALF * HALF * inner:
             return None
-        at = drawn.to_picture(np.array([[x], [y]]))[:, 0]
-        drawn = drawn.around((float(at[0]), float(at[1])))
+        drawn = drawn.moved(x, y)
     ticks = _ticks(picture, drawn, inner, outer)
     if len(ticks) < max(LEAST_TICKS, HALF * len(comb.ticks)):
         return None
-    points = rim_of(drawn, outer)
-    rim = Rim(drawn.centre, outer, points, planes.drawn(drawn.centre, points))
     miss_px = min(float(np.median(np.abs(ends - np.median(ends)))) for ends in _both_ends(ticks))
-    return Comb(rim, tuple(ticks), miss_px, comb.lines)
+    return Comb(oblique_rim(planes, drawn, outer), tuple(ticks), miss_px, comb.lines)
 
 
 def _radiating(picture: NDArray[np.uint8], drawn: DrawnPlane, ticks: Sequence[Tick]) -> XY:
@@ -158,10 +155,7 @@ def _angle_deg(picture: NDArray[np.uint8], drawn: DrawnPlane, near_deg: float, f
     """Measure the angle of a tick between two distances, by the middle of its light."""
     away_deg = np.arange(-BESIDE_DEG, BESIDE_DEG + ANGLE_STEP_DEG / 2, ANGLE_STEP_DEG)
     angles = np.radians(near_deg + away_deg)
-    radii = np.linspace(from_px, to_px, 5)
-    points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
-    x, y = drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
-    light = sampled_at(picture, x, y).mean(axis=1)
+    light = levels_on_rings(picture, drawn, angles, np.linspace(from_px, to_px, 5)).mean(axis=1)
     light = np.abs(light - np.median(light)) * (np.abs(away_deg) <= 2 * OFF_DEG)
     light[light < HALF * light.max()] = 0.0
     return math.degrees(float(np.average(angles, weights=light + 1e-9)))
@@ -187,9 +181,7 @@ def comb_around(
         own = _aiming(strokes, centre, numerals_px)
         if len(own) < LEAST_STROKES:
             return None
-        ring = _ring(own, centre)
-        meeting, _ = _meeting(own.where(ring), centre)
-        centre = meeting
+        centre = _meeting(own.where(_ring(own, centre)), centre)
     own = _aiming(strokes, centre, numerals_px)
     own = own.where(_ring(own, centre))
     if len(own) < LEAST_STROKES:
@@ -215,9 +207,7 @@ def comb_around(
 
 
 def _aiming(strokes: Strokes, centre: XY, numerals_px: float) -> Strokes:
-    away = strokes.at - np.array(centre)
-    far = np.hypot(away[:, 0], away[:, 1])
-    miss = np.abs(away[:, 0] * strokes.along[:, 1] - away[:, 1] * strokes.along[:, 0])
+    far, miss = strokes.seen_from(centre)
     return strokes.where(
         (miss < MISS_PART * far + MISS_PX)
         & (far > NEAREST * numerals_px)
@@ -242,8 +232,8 @@ def _ring(own: Strokes, centre: XY) -> NDArray[np.bool_]:
     return np.asarray(best, np.bool_)
 
 
-def _meeting(own: Strokes, centre: XY) -> tuple[XY, float]:
-    """Return where the lines of strokes meet, by robust least squares, and their typical distance from it."""
+def _meeting(own: Strokes, centre: XY) -> XY:
+    """Return where the lines of strokes meet, by robust least squares."""
     normal = np.stack([-own.along[:, 1], own.along[:, 0]], axis=1)
     off = (normal * own.at).sum(axis=1)
     at = np.array(centre)
@@ -254,7 +244,7 @@ def _meeting(own: Strokes, centre: XY) -> tuple[XY, float]:
         left = np.abs(normal @ at - off)
         spread = float(np.median(left)) + 0.05
         weights = own.length_px / (1.0 + (left / (1.5 * spread)) ** 2)
-    return (float(at[0]), float(at[1])), float(np.median(left))
+    return float(at[0]), float(at[1])
 
 
 def _centred(drawn: DrawnPlane, ticks: Sequence[Tick]) -> tuple[DrawnPlane, float, float, float]:
@@ -265,29 +255,21 @@ def _centred(drawn: DrawnPlane, ticks: Sequence[Tick]) -> tuple[DrawnPlane, floa
     angles = np.radians([tick.angle_deg for tick in ticks])
     design = np.stack([np.cos(angles), np.sin(angles), np.ones_like(angles)], axis=1)
     found = []
-    inner, outer = (np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS)
+    inner, outer = _both_ends(ticks)
     # Long and short ticks share one end, or their middles.
     for ends in (inner, outer, (inner + outer) / 2):
-        weights = np.ones_like(ends)
-        for _ in range(PASSES):
-            weighted = design * weights[:, None]
-            # A comb on one side determines radius and place only together, so neither may run off.
-            step = np.linalg.solve(design.T @ weighted + 0.5 * np.diag([1.0, 1.0, 0.0]), weighted.T @ ends)
-            left = np.abs(design @ step - ends)
-            weights = 1.0 / (1.0 + (left / (1.5 * float(np.median(left)) + 0.2)) ** 2)
+        # A comb on one side determines radius and place only together, so neither may run off.
+        left_px, step, weights = _robust(design, ends, stays=0.5)
         shape = np.array(
             [
                 np.average((design @ step - ends) * np.cos(2 * angles + turn), weights=weights)
                 for turn in (0.0, np.pi / 2)
             ]
         )
-        found.append(
-            (float(np.average(left, weights=weights)), step, math.hypot(*step[:2]) + 2 * float(np.hypot(*shape)))
-        )
+        found.append((left_px, step, math.hypot(*step[:2]) + 2 * float(np.hypot(*shape))))
     (_, inner, _), (_, outer, _), _ = found
     _, (right, down, _), off_px = min(found, key=lambda each: each[0])
-    at = drawn.to_picture(np.array([[right], [down]]))[:, 0]
-    return drawn.around((float(at[0]), float(at[1]))), float(inner[2]), float(outer[2]), off_px
+    return drawn.moved(right, down), float(inner[2]), float(outer[2]), off_px
 
 
 def _rims(
@@ -313,33 +295,38 @@ def _bent(
         ticks = _ticks(picture, ring.drawn, inner_px, outer_px)
         if len(ticks) < 2 * LEAST_TICKS or _gap_deg(ticks) > ALL_ROUND_DEG:
             return
-        ends = [np.array([getattr(tick, end) for tick in ticks]) for end, _ in ENDS]
+        inner, outer = _both_ends(ticks)
         around = np.radians([tick.angle_deg for tick in ticks])
         design = np.stack(
             [np.cos(around), np.sin(around), np.ones_like(around), np.cos(2 * around), np.sin(2 * around)], axis=1
         )
-        found = [_robust(design, each) for each in (*ends, (ends[0] + ends[1]) / 2)]
-        _, step = min(found, key=lambda each: each[0])
+        found = [_robust(design, each) for each in (inner, outer, (inner + outer) / 2)]
+        _, step, _ = min(found, key=lambda each: each[0])
         level = float(step[2])
         bent = Ring(ring.drawn, level).stepped(step - np.array([0.0, 0.0, level, 0.0, 0.0]))
         inner_px, outer_px = (float(each[1][2]) for each in found[:2])
         ring = Ring(bent.drawn, outer_px)
     if ring.flatness < MAX_FLATNESS:
-        points = rim_of(ring.drawn, outer_px)
-        yield Rim(ring.centre, outer_px, points, planes.drawn(ring.centre, points))
+        yield oblique_rim(planes, ring.drawn, outer_px)
 
 
-def _robust(design: Floats, ends: Floats) -> tuple[float, Floats]:
-    """Fit ends by robust least squares; return the residual, and the parameters."""
+def _robust(design: Floats, ends: Floats, *, stays: float = 0.0) -> tuple[float, Floats, Floats]:
+    """Fit ends by robust least squares; return the residual, the parameters, and the weights.
+
+    Parameters
+    ----------
+    stays : the weight of the old place, which the first two parameters are the distance from
+    """
+    held = np.diag([stays, stays, *np.zeros(design.shape[1] - 2)])
     weights = np.ones_like(ends)
     step: Floats = np.zeros(design.shape[1])
     left = ends
     for _ in range(PASSES):
         weighted = design * weights[:, None]
-        step = np.linalg.lstsq(weighted.T @ design, weighted.T @ ends, rcond=None)[0]
+        step = np.linalg.lstsq(weighted.T @ design + held, weighted.T @ ends, rcond=None)[0]
         left = np.abs(design @ step - ends)
         weights = 1.0 / (1.0 + (left / (1.5 * float(np.median(left)) + 0.2)) ** 2)
-    return float(np.average(left, weights=weights)), step
+    return float(np.average(left, weights=weights)), step, weights
 
 
 def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: float) -> list[Tick]:
@@ -348,9 +335,7 @@ def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: floa
     middle = (low + high) / 2
     radii = np.arange(middle - long, middle + long, RADIUS_STEP_PX)
     angles = np.radians(np.arange(0.0, 360.0, ANGLE_STEP_DEG))
-    points = np.stack([np.cos(angles)[:, None] * radii, np.sin(angles)[:, None] * radii])
-    x, y = drawn.to_picture(points.reshape(2, -1)).reshape(points.shape)
-    light = sampled_at(picture, x, y)
+    light = levels_on_rings(picture, drawn, angles, radii)
     beside = round(BESIDE_DEG / ANGLE_STEP_DEG)
     around = np.concatenate([light[-beside:], light, light[:beside]])
     # A face changes slowly, so every fourth angle suffices.
