@@ -258,12 +258,7 @@ def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> 
         offers = advised(gauge, sight, lambda drawn: tried(source_of(drawn), frames, stale), axis)
     except PanelError:  # the trial reports it
         return {"offers": []}
-    return {
-        "offers": [
-            {"key": each.key, "said": each.said, "does": each.does, "gain": each.gain, "gauge": each.gauge}
-            for each in offers
-        ]
-    }
+    return {"offers": [asdict(each) for each in offers]}
 
 
 def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:

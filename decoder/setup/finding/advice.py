@@ -151,21 +151,15 @@ class Offer:
         What the frames show, and what it does about that, for people.
     gauge
         The whole gauge, changed.
-    before, after
-        How well the sample fits before and after.
+    gain
+        By how much the sample fits better; empty until that was tried.
     """
 
     key: str
     said: str
     does: str
     gauge: GaugeDraft
-    before: Fit
-    after: Fit
-
-    @property
-    def gain(self) -> str:
-        """By how much the sample fits better, in words."""
-        return self.after.gain_over(self.before)
+    gain: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,15 +201,15 @@ def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries
     if not before.beside_px and not before.off_deg:
         return []
     for group in (_elsewhere(now, trial, sight(trial.moved_px), axis), _turned_only(now, trial)):
-        offers = [
-            replace(offer, gauge=drawn, after=after)
+        better = [
+            (after, replace(offer, gauge=drawn, gain=after.gain_over(before)))
             for offer in group
             for drawn, after in _settled(offer.gauge, tries)
             if after.is_better_than(before) and (after.read > before.read or shows_the_same(now, drawn))
         ]
-        if offers:
-            best = max(offers, key=lambda each: each.after.order)
-            return [replace(best, before=before)]
+        if better:
+            _, best = max(better, key=lambda each: each[0].order)
+            return [best]
     return []
 
 
@@ -252,9 +246,6 @@ def _settled(gauge: GaugeDraft, tries: Try) -> Iterator[tuple[GaugeDraft, Fit]]:
         return
 
 
-_UNTRIED = Fit(0, 0, 0.0, 0.0, 0.0)
-
-
 def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iterator[Offer]:
     """Make offers for needles that turn elsewhere than at the centre."""
     if trial.moved_px is None:
@@ -266,9 +257,6 @@ def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iter
         f" {abs(down):.2f} px {'above' if down < 0 else 'below'} the centre"
     )
 
-    def offer(key: str, words: str, does: str, drawn: GaugeDraft) -> Offer:
-        return Offer(key, words, does, drawn, _UNTRIED, _UNTRIED)
-
     def found(drawn: GaugeDraft) -> GaugeDraft:
         """Add the axes of all needles as the panel picture shows them around that centre."""
         for template in _templates(drawn):
@@ -278,13 +266,13 @@ def _elsewhere(gauge: GaugeDraft, trial: Trial, seen: Sight, axis: Axis) -> Iter
     if seen.height_inches is not None:
         high = found(copy.deepcopy(gauge) | {"needle_height_inches": seen.height_inches})
         words = f"{said}: the parallax of a needle {seen.height_inches:g} inches above its face"
-        yield offer("height", words, "Use that height", high)
+        yield Offer("height", words, "Use that height", high)
         return
     if seen.is_oblique and not gauge.get("needle_height_inches"):
         words = f"{said}, as any needle above its face does when seen from the side"
-        yield offer("around", words, "Find its axis around there", found(copy.deepcopy(gauge)))
+        yield Offer("around", words, "Find its axis around there", found(copy.deepcopy(gauge)))
     moved = _recentred(gauge, seen.drawn, there, are_points=trial.are_points)
-    yield offer("centre", said, "Move the centre there", found(moved))
+    yield Offer("centre", said, "Move the centre there", found(moved))
 
 
 def _turned_only(gauge: GaugeDraft, trial: Trial) -> Iterator[Offer]:
@@ -296,7 +284,7 @@ def _turned_only(gauge: GaugeDraft, trial: Trial) -> Iterator[Offer]:
             for name, off in _axes_off(trial, gauge)
         ]
         said = f"Over all frames the axis of {' and that of '.join(parts)} of where it is drawn"
-        yield Offer("axes", said, "Turn it there", turned, _UNTRIED, _UNTRIED)
+        yield Offer("axes", said, "Turn it there", turned)
 
 
 def _templates(gauge: Mapping[str, Any]) -> list[dict[str, Any]]:
