@@ -151,9 +151,11 @@ def panel_of_gauge(
     document: Document,
     index: int,
     pictures: Mapping[str, GreyPicture],
-    camera: Camera | None = None,
-    encoded: Mapping[str, bytes] = MappingProxyType({}),
-) -> PanelPictures:
+    camera: Camera | None,
+    encoded: Mapping[str, bytes],
+    *,
+    memory: AlignmentMemory,
+) -> RememberedPanel:
     """Make a panel of one gauge of a draft with everything that locates the panel, ignoring errors in other gauges.
 
     Raises
@@ -166,7 +168,7 @@ def panel_of_gauge(
         raise PanelError("gauges", "has no such gauge")
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **document, "gauges": [gauges[index]]}
     try:
-        source = PanelPictures(parse_content(content), pictures, "", camera, encoded=encoded)
+        source = RememberedPanel(parse_content(content), pictures, "", camera, encoded=encoded, memory=memory)
     except PanelError as error:
         raise PanelError(re.sub(r"^gauges\[0\]", f"gauges[{index}]", error.path), error.problem) from error
     missing = [name for name in source.panel.pictures if name not in pictures]
@@ -182,7 +184,7 @@ def aligner_of(document: Document, picture: GreyPicture, optics: Optics, memory:
     content = {"name": DEFAULT_NAME, "picture": DEFAULT_PICTURE, **parts}
     try:
         panel = parse_content(content | {"gauges": [stand_in_gauge((width / 2, height / 2))]})
-        return RememberingAligner(panel, picture, IDENTITY, optics, memory)
+        return RememberingAligner(panel, picture, optics, memory)
     except DecoderError:
         return None
 
@@ -217,32 +219,32 @@ class AlignmentMemory:
 class RememberingAligner(Aligner):
     """An aligner that aligns no frame twice."""
 
-    def __init__(
-        self, panel: Panel, picture: GreyPicture, usual: Alignment, optics: Optics, memory: AlignmentMemory
-    ) -> None:
-        super().__init__(panel, picture, usual, optics)
+    def __init__(self, panel: Panel, picture: GreyPicture, optics: Optics, memory: AlignmentMemory) -> None:
+        super().__init__(panel, picture, IDENTITY, optics)
         self._memory = memory
 
     def align(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """Do as `Aligner.align`."""
-        name = self._name("align", frame, focal_length_mm)
-        return self._memory.recall(name, frame, lambda: super(RememberingAligner, self).align(frame, focal_length_mm))
+        return self._once("align", super().align, frame, focal_length_mm)
 
     def search(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """Do as `Aligner.search`."""
-        name = self._name("search", frame, focal_length_mm)
-        return self._memory.recall(name, frame, lambda: super(RememberingAligner, self).search(frame, focal_length_mm))
+        return self._once("search", super().search, frame, focal_length_mm)
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
         """Do as `Aligner.align_roughly`."""
-        name = self._name("roughly", frame, focal_length_mm)
-        return self._memory.recall(
-            name, frame, lambda: super(RememberingAligner, self).align_roughly(frame, focal_length_mm)
-        )
+        return self._once("roughly", super().align_roughly, frame, focal_length_mm)
 
-    def _name(self, how: str, frame: GreyPicture, focal_length_mm: float | None) -> Name:
+    def _once(
+        self,
+        how: str,
+        find: Callable[[GreyPicture, float | None], Alignment],
+        frame: GreyPicture,
+        focal_length_mm: float | None,
+    ) -> Alignment:
         """Name a search by all that it depends on; of the gauges only by the model that is certain enough for them."""
-        return how, id(frame), focal_length_mm, self.usual.elements, self._own.model(self._own.features)
+        name = how, id(frame), focal_length_mm, self.usual.elements, self._own.model(self._own.features)
+        return self._memory.recall(name, frame, lambda: find(frame, focal_length_mm))
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,4 +255,4 @@ class RememberedPanel(PanelPictures):
 
     def aligner(self) -> Aligner:
         """Make an aligner that shares the memory."""
-        return RememberingAligner(self.panel, self.picture, IDENTITY, self.optics, self.memory)
+        return RememberingAligner(self.panel, self.picture, self.optics, self.memory)

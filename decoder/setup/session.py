@@ -258,18 +258,8 @@ class SetupSession:
     def panel_of_gauge(self, document: Document, key: str, index: int) -> RememberedPanel:
         """Do `drafts.panel_of_gauge`, sharing what the same anchors found in frames before."""
         pictures, encoded = self.pictures(document, key), self.encoded(document, key)
-        source = panel_of_gauge(document, index, pictures, self.camera, encoded)
         memory = self._memory(_finding(document, key))
-        return RememberedPanel(
-            source.panel,
-            source.pictures,
-            source.sha256,
-            source.camera,
-            source.planes,
-            source.encoded,
-            source.mixtures,
-            memory=memory,
-        )
+        return panel_of_gauge(document, index, pictures, self.camera, encoded, memory=memory)
 
     def frames(self) -> list[tuple[int, FramePicture]]:
         """Open the sample's frames that can be decompressed, with their numbers."""

@@ -62,7 +62,7 @@ class _Found:
 
 
 def _found(session: SetupSession, document: Document, key: str) -> _Found:
-    steps = list(tried_search(session, document, key, _never))
+    steps = list(tried_search(session, document, key, lambda: False))
     gone = {step.place for step in steps if isinstance(step, Withdrawn)}
     gauges = [step for step in steps if isinstance(step, ProposedGauge)]
     return _Found(
@@ -70,10 +70,6 @@ def _found(session: SetupSession, document: Document, key: str) -> _Found:
         tuple(each for place, each in enumerate(gauges) if place not in gone),
         tuple(step.said for step in steps if isinstance(step, Anchors | Note)),
     )
-
-
-def _never() -> bool:
-    return False
 
 
 def _said(written: str, found: _Found) -> str:
