@@ -102,13 +102,10 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
     words : of the whole picture
     hands : whether what moves on it points at its pivot
     """
-    comb, drawn = dial.comb, dial.comb.rim.drawn
-    _, outer_px = comb.ring_px
-    evidence = [f"{len(comb.ticks)} ticks around one point, on a ring {comb.miss_px:.1f} px off a circle"]
+    evidence = [f"{len(dial.comb.ticks)} ticks around one point, on a ring {dial.comb.miss_px:.1f} px off a circle"]
     lacking: list[str] = []
-    texts = dial.texts
-    scale = _scale(dial, texts)
-    legend = _legend(dial, texts, scale)
+    scale = _scale(dial)
+    legend = _legend(dial, scale)
     is_rose = scale is not None and scale.fit.family is not None and scale.fit.family.has_letters
     name = _free(legend.name or ("compass" if is_rose else "dial"), taken)
     marks = () if scale is None else _marks(scale, dial)
@@ -134,9 +131,8 @@ def gauge_of(dial: FoundDial, seen: Pictures, taken: set[str], *, words: Sequenc
                 (evidence if gauge is not None else lacking).extend(said)
     if scale is not None and not legend.unit and (scale.fit.family is None or scale.fit.family.name == "altimeter"):
         lacking.append("no word gives its unit")
-    ring = tuple((float(x), float(y)) for x, y in drawn.ring(outer_px).T)
     so_far = _so_far(dial, name, scale, legend, is_told=not doubt)
-    plain = ProposedGauge(gauge, so_far, dial.centre, ring, name, marks, tuple(evidence), tuple(lacking))
+    plain = ProposedGauge(gauge, so_far, dial.centre, _ring(dial), name, marks, tuple(evidence), tuple(lacking))
     ways = [
         replace(
             plain,
@@ -173,20 +169,26 @@ def settled(dial: FoundDial, seen: Pictures, planes: Planes, shape: Floats | Non
     return dial if again is None else replace(dial, comb=again)
 
 
-def _scale(dial: FoundDial, texts: Sequence[Text]) -> Marked | None:
+def _ring(dial: FoundDial) -> tuple[tuple[float, float], ...]:
+    """Return the places of a dial's outer ring in the picture."""
+    return tuple((float(x), float(y)) for x, y in dial.comb.rim.drawn.ring(dial.comb.ring_px[1]).T)
+
+
+def _scale(dial: FoundDial) -> Marked | None:
     inner_px, outer_px = dial.comb.ring_px
     found = [
         marked(fit, dial.comb)
-        for fit in fits(seen_around(texts, dial.comb.rim.drawn))
+        for fit in fits(seen_around(dial.texts, dial.comb.rim.drawn))
         if 0.6 * inner_px < fit.radius_px < 1.5 * outer_px
     ]
     return max(found, key=lambda each: (not each.doubt, each.fit.weight), default=None)
 
 
-def _legend(dial: FoundDial, texts: Sequence[Text], scale: Marked | None) -> Legend:
+def _legend(dial: FoundDial, scale: Marked | None) -> Legend:
     drawn = dial.comb.rim.drawn
     radius_px = scale.fit.radius_px if scale is not None else dial.comb.ring_px[0]
-    words = [text for text in texts if text.value is None and drawn.polar(text.at)[1] < 1.3 * dial.comb.ring_px[1]]
+    reach_px = 1.3 * dial.comb.ring_px[1]
+    words = [text for text in dial.texts if text.value is None and drawn.polar(text.at)[1] < reach_px]
     words.sort(key=lambda text: abs(drawn.polar(text.at)[1] - radius_px))
     legend = legend_of([text.said for text in words])
     return legend.about_zero() if scale is not None and scale.fit.is_centred else legend
@@ -250,7 +252,7 @@ def _gauge(
         **_placed(dial, name, sweep),
         "unit": legend.unit,
         "scale": [[round(angle, 2), round(value, PLACES)] for angle, value in pairs],
-        "needles": [{"name": column, "template": {"at": round(needles[0].at_deg, 2), "span": needles[0].span_deg}}],
+        "needles": [_needle(column, needles[0])],
     }
     return _native(gauge), [f"its needle points to {needles[0].at_deg % 360:.0f} degrees here"]
 
@@ -259,8 +261,7 @@ def _geared(
     kind: Geared, dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, legend: Legend
 ) -> tuple[Sequence[GearedDraft], str]:
     """Draft a dial whose hands count each other's turns."""
-    first = scale.marks[0]
-    zero_deg = (first.angle_deg - first.value * 360.0 / (scale.turn or 360.0)) % 360.0
+    zero_deg = _zero_deg(scale)
     placed = _placed(dial, name, _turn_from(zero_deg))
     unit = legend.unit if kind.unit is None else kind.unit
     if len(seen.frames) < MIN_VIEWS:
@@ -268,14 +269,17 @@ def _geared(
     return geared_drafts(kind, Face(placed, dial.comb.rim.drawn, dial.comb.ring_px[0], zero_deg, unit), seen)
 
 
+def _zero_deg(scale: Marked) -> float:
+    """Return the angle of 0 on a scale that goes all the way round."""
+    first = scale.marks[0]
+    return (first.angle_deg - first.value * 360.0 / (scale.turn or 360.0)) % 360.0
+
+
 def _rose(
     dial: FoundDial, scale: Marked, name: str, seen: Pictures, *, words: Sequence[Text], hands: bool
 ) -> tuple[Document | None, list[str]]:
     """Propose a compass: a card if its rose turns between frames, else a rose with a needle over it."""
-    start = scale.marks[0].angle_deg - scale.marks[0].value * 360.0 / (
-        scale.fit.family.turn if scale.fit.family else 360.0
-    )
-    start %= 360.0
+    start = _zero_deg(scale)
     sweep = _turn_from(start)
     inner_px, outer_px = dial.comb.ring_px
     heights = float(np.median([mark.numeral.height_px for mark in scale.marks]))
@@ -292,15 +296,8 @@ def _rose(
     common = {**_placed(dial, name, sweep), "unit": "deg",
               "scale": [[round(start, 2), 0], [round(start + 180.0, 2), 180]], "wraps": 360}  # fmt: skip
     if needles:
-        tip = needles[0]
-        return _native(
-            {
-                **common,
-                "tail": True,
-                "needles": [{"name": column, "template": {"at": round(tip.at_deg, 2), "span": tip.span_deg}}],
-            }
-        ), [
-            f"its rose stands still and a needle turns over it, at {tip.at_deg % 360:.0f} degrees here",
+        return _native({**common, "tail": True, "needles": [_needle(column, needles[0])]}), [
+            f"its rose stands still and a needle turns over it, at {needles[0].at_deg % 360:.0f} degrees here",
             "the end that shows most clearly is taken for its head: check it",
         ]
     said = (
@@ -309,17 +306,14 @@ def _rose(
         else "its rose stood still, and nothing turned over it: taken for a card that did not turn"
     )
     index_deg, doubt_deg, told = _index(dial, words, seen.picture.shape)
-    card = {"name": column, "index": round(index_deg, 2)}
-    found = [said, _of_index(told, doubt_deg)]
-    return _native(
-        {
-            **common,
-            "doubt_deg": round(doubt_deg, 2),
-            "sweep": [0, 360],
-            "radius": [round(each, 2) for each in ring],
-            "card": card,
-        }
-    ), found
+    gauge = {
+        **common,
+        "doubt_deg": round(doubt_deg, 2),
+        "sweep": [0, 360],
+        "radius": [round(each, 2) for each in ring],
+        "card": {"name": column, "index": round(index_deg, 2)},
+    }
+    return _native(gauge), [said, _of_index(told, doubt_deg)]
 
 
 def banked(dial: FoundDial, zero_deg: float, seen: Pictures, taken: set[str], words: Sequence[Text]) -> ProposedGauge:
@@ -350,9 +344,8 @@ def banked(dial: FoundDial, zero_deg: float, seen: Pictures, taken: set[str], wo
                 "card": {"name": "_".join(name.split()) + "_deg", "index": round(index_deg, 2)},
             }
         )
-    ring = tuple((float(x), float(y)) for x, y in dial.comb.rim.drawn.ring(outer_px).T)
     so_far = _so_far(dial, name, None, Legend(), is_told=False)
-    return ProposedGauge(gauge, so_far, dial.centre, ring, name, (), tuple(evidence), tuple(lacking))
+    return ProposedGauge(gauge, so_far, dial.centre, _ring(dial), name, (), tuple(evidence), tuple(lacking))
 
 
 def _of_index(told: str, doubt_deg: float) -> str:
@@ -428,6 +421,10 @@ def _sweep(angles: Sequence[float]) -> tuple[float, float]:
 
 def _plain(unit: str) -> str:
     return "".join(each if each.isalnum() else "_" for each in unit)
+
+
+def _needle(column: str, found: Proposal) -> Document:
+    return {"name": column, "template": {"at": round(found.at_deg, 2), "span": found.span_deg}}
 
 
 def _needles(dial: FoundDial, sweep: tuple[float, float], seen: Pictures) -> list[Proposal]:
