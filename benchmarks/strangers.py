@@ -53,9 +53,10 @@ class Row:
         return self.gross != other.gross or any(abs(now - before) > NOTED for now, before in shares)
 
 
-def sources() -> list[Source]:
-    """All sources whose pictures are there, the whole panel last."""
-    return [*available(), *(source for source in WHOLE if any(source.folder.glob(source.pictures)))]
+def sources(words: str) -> list[Source]:
+    """List the sources whose title has these words and whose pictures are there, the whole panel last."""
+    there = [*available(), *(source for source in WHOLE if any(source.folder.glob(source.pictures)))]
+    return [source for source in there if words in source.title]
 
 
 def rows_of(source: Source, every: int) -> Iterator[Row]:
@@ -126,9 +127,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = ArgumentParser(prog="python -m benchmarks.strangers", description=__doc__)
     parser.add_argument("rows", type=Path, metavar="ROWS.csv")
     parser.add_argument("--every", type=int, default=3, help="read one picture of so many (default: %(default)s)")
+    parser.add_argument("--only", default="", metavar="WORDS", help="only sources whose title has these words")
     parser.add_argument("--against", type=Path, metavar="EARLIER.csv", help="list the rows that differ")
     asked = parser.parse_args(arguments)
-    rows = write((row for source in sources() for row in rows_of(source, asked.every)), asked.rows)
+    rows = write((row for source in sources(asked.only) for row in rows_of(source, asked.every)), asked.rows)
     lines = [summary(rows)]
     if asked.against:
         earlier = read(asked.against)
