@@ -279,12 +279,13 @@ class Decoded:
 
 def decode_source(source: Source, folder: Path, *, every: int = 1) -> Decoded:
     """Records a source's pictures in a folder, all or one of so many of them, and decodes the flight."""
-    pictures = _as_jpegs(sorted(source.folder.glob(source.pictures))[::every], folder / "pictures")
+    taken = sorted(source.folder.glob(source.pictures))
+    pictures = _as_jpegs(taken[::every], folder / "pictures")
     panel = _with_picture(source, folder)
     record_flight(pictures, panel, folder / "flight.mcap")
     decode(folder / "flight.mcap", folder)
     flight = read_table(folder / "flight.csv")
-    truth = truth_of(source, [picture.stem for picture in pictures])
+    truth = {name: each[::every] for name, each in truth_of(source, [picture.stem for picture in taken]).items()}
     known = [quantity for quantity in panel_from_file(panel).panel.quantities if quantity.name in truth]
     shown = {name: np.clip(values, *source.stops.get(name, (-np.inf, np.inf))) for name, values in truth.items()}
     return Decoded(
