@@ -123,3 +123,34 @@ def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: flo
 
     assert [one["flap_deg"].status for one in found] == [Status.READ] * len(asked)
     assert np.abs(off_px).max() < 1.0
+
+
+def column(at_y: float, seed: int = 0) -> Floats:
+    """A thermometer's column in glass that is brighter at its edge and further down, and as bright as it at y = 60."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        middle = 46.0 - (y - 80.0) / 12.0
+        glass = 102.0 + 0.5 * (y - 60.0) + 45.0 * (np.abs(x - middle) > 8.0)
+        part = 1.0 / (1.0 + np.exp((at_y - y) / 0.5))
+        return part * 102.0 + (1.0 - part) * glass
+
+    return seen(GRID, levels, seed)
+
+
+def test_a_bar_as_bright_as_its_scale_is_read_after_it_stood_still_for_long() -> None:
+    """A column that hardly shows where it is drawn, and stays there for half the flight, is read where it falls to."""
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": 60.0, "span": 16, "marks": MARKS}
+    )
+    slide, heights = Slide.of(gauge, grid), [*[60.0] * 8, *np.linspace(66.0, 116.0, 8)]
+    strips = [column(at_y, seed + 1) for seed, at_y in enumerate(heights)]
+    reader = SlideReader(slide, learn_linear(slide, strips, first_linear(slide, column(60.0))))
+    asked = np.linspace(60.0, 114.0, 19)
+    found = reader.read(np.stack([column(at_y, 50) for at_y in asked.tolist()]), np.zeros(len(asked)))
+    (quantity,) = gauge.quantities
+    at_px, values = np.array(quantity.marks).T
+    true_px = np.interp([value(at_y) for at_y in asked.tolist()], values, at_px)
+    off_px = [one["flap_deg"].angle_deg - px for one, px in zip(found, true_px.tolist(), strict=True)]
+
+    assert [one["flap_deg"].status for one in found] == [Status.READ] * len(asked)
+    assert np.abs(off_px).max() < 1.0

@@ -224,24 +224,37 @@ def _behind(face: Floats, row: float, rows: int) -> Floats:
 
 
 def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPicture) -> LinearPicture:
-    """Learn scale and pointer from a sample's frames, as they are sampled."""
+    """Learn scale and pointer from a sample's frames, as they are sampled, as long as as many of them show it.
+
+    A bar as bright as its scale is in places looks like print there, and its end is no longer found once it is learned.
+    """
     lit = in_light_of(given.drawn, (slide.along(strip) for strip in strips))
     views = [view for view in lit if view is not None]
     if len(views) < FRAMES_TO_LEARN:
         return given
-    known = _bared(given, views)
-    for _ in range(ROUNDS):
-        found, is_alone = SlideReader(slide, known).found(np.stack(views))
-        sure = np.flatnonzero(found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD))
-        if len(sure) < FRAMES_TO_LEARN:
+    known, is_sure = given, _sure(slide, given, views)[1]
+    learned = _bared(given, views)
+    for _ in range(ROUNDS + 1):
+        found, again = _sure(slide, learned, views)
+        if again.sum() < max(is_sure.sum(), FRAMES_TO_LEARN):
             return known
-        rows = found.row[sure]
-        seen = [views[index] for index in sure.tolist()]
-        covered = [_covered(known.face.shape, known.pointer, row) for row in rows.tolist()]
-        where = [np.flatnonzero(each) for each in covered]
-        known = replace(known, face=learn_face(seen, where, known.face))
-        known = replace(known, pointer=_pointer(known, seen, rows))
+        known, is_sure = learned, again
+        learned = _learned(known, [view for view, own in zip(views, is_sure, strict=True) if own], found.row[is_sure])
     return known
+
+
+def _sure(slide: Slide, picture: LinearPicture, views: Sequence[Floats]) -> tuple[Settled, Mask]:
+    """Find the pointer in F windows along their scale, and where that is sure, (F,)."""
+    found, is_alone = SlideReader(slide, picture).found(np.stack(views))
+    is_sure: Mask = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
+    return found, is_sure
+
+
+def _learned(known: LinearPicture, seen: Sequence[Floats], rows: Floats) -> LinearPicture:
+    """Learn scale and pointer from views (R, C) and the rows at which it was found in them."""
+    covered = [_covered(known.face.shape, known.pointer, row) for row in rows.tolist()]
+    learned = replace(known, face=learn_face(seen, [np.flatnonzero(each) for each in covered], known.face))
+    return replace(learned, pointer=_pointer(learned, seen, rows))
 
 
 def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
