@@ -440,12 +440,12 @@ def without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
 
 
 def covers_axis(template: NeedleTemplate) -> Mask:
-    """(C,): where what a template shows covers its axis, or a line beside it, if the needle is drawn off that line."""
-    shown, axis = 1.0 - template.transparency, (template.rows - 1) // 2
+    """(C,): where what a template shows covers a needle's axis: the row of most columns, which may be drawn off it."""
+    shown = 1.0 - template.transparency
     covers: Mask = (shown[:-2] + shown[1:-1] + shown[2:]) / 3 > HALF
-    most = covers.sum(axis=1)
-    drawn, best = axis - 1, int(most.argmax())
-    return covers[drawn if most[drawn] >= HALF * most[best] else best]
+    rows, axis = range(len(covers)), len(covers) // 2
+    most: Mask = covers[max(rows, key=lambda row: (int(covers[row].sum()), -abs(row - axis)))]
+    return most
 
 
 def needle_columns(tail_columns: int, covered: Mask, own: Mask) -> Mask:
