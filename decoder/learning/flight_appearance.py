@@ -24,7 +24,7 @@ from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.frame_placer import UnwrappedFrame
-from decoder.registration.thresholds import LIKELY_SCORE
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 # Learned needles over learned faces usually score 0.99.
 EVENLY_LIT_SCORE = 0.97
@@ -172,8 +172,9 @@ def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
 
 def _as_likely(reading: Reading) -> Reading:
     """Treat a missing needle with a likely match as found."""
-    is_likely = reading.status is Status.MISSING and reading.score >= LIKELY_SCORE and math.isfinite(reading.angle_deg)
-    return replace(reading, status=Status.EDGE) if is_likely else reading
+    if reading.status is not Status.MISSING or reading.score < LIKELY_SCORE or not math.isfinite(reading.angle_deg):
+        return reading
+    return replace(reading, status=Status.READ if reading.score >= SCORE_THRESHOLD else Status.EDGE)
 
 
 def _missing(gauge: Gauge, found: Sequence[Readings]) -> int:
