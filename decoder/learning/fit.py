@@ -33,6 +33,7 @@ from decoder.learning.drawn_points import (
     uneven_deg,
 )
 from decoder.learning.flight_appearance import (
+    finds_more,
     is_lost,
     kept_where_better,
     learn_appearance,
@@ -263,9 +264,9 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
     starts = _middles_of_marks(gauges, begun.paths, last.found)
-    missing = [missing_part(gauge, last.found) for gauge in gauges]
+    before = last.found
     # Less is often missing for what lies over a dial.
-    squeezes = _squeezes(begun, [part > HALF * HALF for part in missing], is_lost=True)
+    squeezes = _squeezes(begun, [missing_part(gauge, before) > HALF * HALF for gauge in gauges], is_lost=True)
     if coloured is placed and not any(starts) and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
@@ -279,8 +280,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     begun, last = again(starts, squeezes)
     doubted = _doubted(last.found)
     helpful = tuple(
-        own if missing_part(gauge, last.found) < before and not is_lost(gauge, last.found) else None
-        for gauge, own, before in zip(gauges, squeezes, missing, strict=True)
+        own if finds_more(gauge, before, last.found) else None for gauge, own in zip(gauges, squeezes, strict=True)
     )
     told = [
         None if {needle.name for needle in gauge.turning} & doubted else start

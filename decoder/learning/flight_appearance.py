@@ -165,9 +165,24 @@ def is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
 
 def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
     """Return the part of frames in which the most often missing of what a gauge tells is missing."""
+    return max(_missing_parts(gauge, found), default=0.0)
+
+
+def finds_more(gauge: Gauge, before: Sequence[Readings], after: Sequence[Readings]) -> bool:
+    """Whether less of what a gauge tells is missing than before, and nothing is lost, or less than was.
+
+    A bug that is lost either way says nothing against what finds the card below it.
+    """
+    were, are = (_missing_parts(gauge, found) for found in (before, after))
+    were_lost, are_lost = (sum(part > HALF for part in parts) for parts in (were, are))
+    return sum(are) < sum(were) and (are_lost == 0 or are_lost < were_lost)
+
+
+def _missing_parts(gauge: Gauge, found: Sequence[Readings]) -> list[float]:
+    """Return the part of frames in which each quantity that a gauge tells is missing."""
     together = () if gauge.combination is None else (gauge.combination.quantity,)
     missing = [[own[each.name].status is Status.MISSING for own in found] for each in (*gauge.quantities, *together)]
-    return max((sum(each) / max(len(found), 1) for each in missing), default=0.0)
+    return [sum(each) / max(len(found), 1) for each in missing]
 
 
 def _as_likely(reading: Reading) -> Reading:

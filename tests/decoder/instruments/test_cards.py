@@ -162,6 +162,29 @@ def test_card_seen_from_aside_is_squared_up_and_read(squeeze: Squeeze) -> None:
         assert apart(float(value), heading_of(turn_deg)) < 0.2
 
 
+def test_card_seen_from_aside_is_read_though_its_bug_stays_lost() -> None:
+    """What squares up a card is not held against a bug that only the panel picture shows."""
+    squeeze = Squeeze(-0.03, 0.02)
+    first, opposite = CARD["scale"]
+    card = CARD | {
+        "scale": [[appears_deg(angle_deg, squeeze), value] for angle_deg, value in (first, opposite)],
+        "card": {"name": "heading_deg", "index": appears_deg(INDEX_DEG, squeeze)},
+        "needles": [{"name": "bug_deg", "template": {"at": appears_deg(340.0, squeeze), "span": 20}}],
+    }
+    panel = draw(PANEL_TURN_DEG, 1, lambda canvas: canvas.bar(340.0, (58, 72), (6.0, 6.0), 120.0))
+    frames = [aside(draw(3.0 + 22.5 * step, 100 + step), squeeze) for step in range(16)]
+
+    fitted = fit_to_flight(reader_for([card], aside(panel, squeeze)), lambda _: frames)
+
+    (gauge,) = fitted.panel.gauges
+    for turn_deg in (31.0, 44.4, 140.0, 300.0):
+        readings = read_picture(fitted.reader, aside(draw(turn_deg, 9), squeeze)).readings
+        (value,) = Scale.of(gauge.scale, 360.0).values_at(np.array([readings["heading_deg"].angle_deg]))
+        assert readings["heading_deg"].status is Status.READ
+        assert apart(float(value), heading_of(turn_deg)) < 0.2
+        assert readings["bug_deg"].status is Status.MISSING
+
+
 def test_marks_over_a_card_at_regular_distances_are_not_taken_for_its_own() -> None:
     """A radio compass's wedges every 45 degrees, over a card that was set by hand to places 45 degrees apart."""
 
