@@ -267,7 +267,8 @@ def turned_correlation(pictures: Floats, noise_levels: float) -> Floats:
 
     Only what changes between the pictures belongs to what turns, so only that has weight, in both. Then neither a fixed
     mark nor a face without print counts, nor do marks at regular distances that have turned onto each other. The noise
-    is added to the variances, so what hardly changes matches nothing.
+    is added to the variances, so what hardly changes matches nothing. It is added whole however little of what changes
+    comes to lie on each other: a turn that brings next to nothing together matches nothing either.
 
     Returns
     -------
@@ -286,8 +287,9 @@ def turned_correlation(pictures: Floats, noise_levels: float) -> Floats:
 
     area = np.maximum(along(moved, moved), ROUNDING * rows)
     means, next_means = along(sums, moved) / area, along(moved, sums) / area
-    spreads = np.sqrt(np.maximum(along(squares, moved) / area - means**2, 0.0) + noise_levels**2)
-    next_spreads = np.sqrt(np.maximum(along(moved, squares) / area - next_means**2, 0.0) + noise_levels**2)
+    noise = noise_levels**2 * area[0] / area  # none lies more on each other than unturned
+    spreads = np.sqrt(np.maximum(along(squares, moved) / area - means**2, 0.0) + noise)
+    next_spreads = np.sqrt(np.maximum(along(moved, squares) / area - next_means**2, 0.0) + noise)
     scores = np.empty((len(pictures), len(pictures), rows), np.float32)
     for one, spectrum in enumerate(sums):
         shared = along(spectrum, sums) / area - means[one] * next_means

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from decoder.matching.correlation import normxcorr, xcorr
+from decoder.matching.correlation import normxcorr, turned_correlation, xcorr
 from decoder.matching.needle_search import peaks_of
 
 Image = NDArray[np.float32]
@@ -120,3 +120,21 @@ def test_peak_is_never_further_than_half_a_row_from_the_highest_score(scores: li
 
     assert scores[int(index)] == max(scores)
     assert abs(place - index) <= 0.5
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_turn_that_brings_nothing_that_changes_together_matches_nothing(noise: float) -> None:
+    """A needle that moves a little over print that stands still has turned by that, not by the print's steps."""
+    rng, places = np.random.default_rng(4), (90, 96, 104, 109, 115)
+    pictures = np.full((5, 360, 16), 30.0, np.float32)
+    pictures[:, ::10] = 200.0
+    for picture, at in zip(pictures, places, strict=True):
+        picture[at : at + 4] = 190.0
+    pictures += rng.normal(0.0, noise, pictures.shape).astype(np.float32)
+
+    scores = turned_correlation(pictures, 3.0)
+
+    assert np.abs(scores[~np.eye(5, dtype=bool), 60:300]).max() < 0.5
+    for one in range(4):
+        assert abs(int(scores[one, one + 1].argmax()) - (places[one + 1] - places[one])) <= 3
+        assert scores[one, one + 1].max() > 0.9
