@@ -10,7 +10,7 @@ camera sees, or cannot be helped, and recording goes on.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 from camera_drivers.errors import CameraError
@@ -50,8 +50,8 @@ class FrozenWatch:
         """Start a new connection, which may restart the pictures' numbers."""
         self._standing.pop(_NUMBER, None)
 
-    def look(self, values: tuple[Hashable, Hashable], now_ns: int, sequence: int) -> CameraError | None:
-        """Check a picture's digest and number; return the reason to connect again, if there is one.
+    def look(self, values: Sequence[Hashable], now_ns: int, sequence: int) -> CameraError | None:
+        """Check a picture's digest and, if it has one, its number; return the reason to connect again, if any.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class FrozenWatch:
             Of the picture's frame, or the frame it would be, for the report.
         """
         trouble = None
-        for what, value in zip(_WHAT, values, strict=True):
+        for what, value in zip(_WHAT[: len(values)], values, strict=True):
             held = self._standing.get(what)
             if held is None or held.value != value:
                 self._moved(what, _Standing(value, now_ns, sequence))

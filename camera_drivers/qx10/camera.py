@@ -8,7 +8,8 @@
                      └──────────────────────────────┴───────────────────────────────────────────────┘
                                                stop: None, within a second
 
-Connecting is in `connection`, taking in `stills` or `liveview`. The driver's user enters it again without limit; the
+Connecting is in `connection`, taking in `stills` or `liveview`. The very same picture for `frozen_s` is a CameraError,
+too, raised after that picture was handed over. The driver's user enters it again without limit; the
 driver itself never tries to connect twice. The count of frames continues over all connections, and nothing is reported
 twice.
 """
@@ -24,6 +25,7 @@ from camera_drivers.camera import CameraIdentity
 from camera_drivers.clock import Clock
 from camera_drivers.errors import CameraError
 from camera_drivers.exif import exif_time_ns
+from camera_drivers.live.frozen import FrozenWatch
 from camera_drivers.qx10.camera_clock import CameraClock
 from camera_drivers.qx10.connection import DRIVER, Connection, connect
 from camera_drivers.qx10.events import ERROR
@@ -60,6 +62,8 @@ class Qx10Camera:
         self._earlier: deque[str] = deque(maxlen=REMEMBERED_PICTURES)
         self._due_ns = 0
         self._refusals = 0
+        self._frozen = FrozenWatch(options.limits.frozen_s, self._notes)
+        self._trouble: CameraError | None = None
         self._waiter = Waiter(clock, reporter)
         self._session: _Session | None = None
         self.identity = CameraIdentity(DRIVER)
@@ -77,7 +81,7 @@ class Qx10Camera:
         self._waiter = Waiter(self._clock, self._reporter)
         connection = connect(self._options, self._clock, self._waiter)
         self.identity = connection.identity
-        self._refusals = 0
+        self._refusals, self._trouble = 0, None
         stills = Stills(connection.api, connection.events, self._clock, self._notes, self._earlier)
         self._session = _Session(connection, self._options, self._clock, self._camera_clock, self._notes, stills=stills)
         try:
@@ -105,11 +109,15 @@ class Qx10Camera:
         session = self._session
         if session is None:
             raise CameraError("The camera is not connected; enter it first.")
+        if self._trouble is not None:
+            raise self._trouble
         self._waiter.stop = stop
         try:
-            return self._still(session) if session.liveview is None else self._live(session, session.liveview)
+            frame = self._still(session) if session.liveview is None else self._live(session, session.liveview)
         except Stopped:
             return None
+        self._trouble = self._frozen.look((frame.sha256,), self._clock.read().monotonic_ns, frame.sequence)
+        return frame
 
     def _live(self, session: _Session, liveview: Liveview) -> Frame:
         picture = liveview.next_picture()

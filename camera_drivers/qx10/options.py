@@ -58,6 +58,8 @@ class Qx10Limits(Settings):
     """From one end of the zoom to the other."""
     stall_s: Seconds = 10.0
     """Without a liveview picture."""
+    frozen_s: Seconds = 30.0
+    """With the very same picture: then the camera is connected again."""
     picture_mib: Annotated[int, Field(gt=0, le=256)] = 32
     """The largest picture that is taken for one, MiB; above 60 it counts as 60, which a flight file takes."""
 

@@ -6,11 +6,15 @@ The ledger of the simulated camera says which pictures it delivered whole; the f
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import pytest
 
 from camera_drivers.qx10.simulator.faults import DOWNLOAD, FAULTS, SHOT
+from camera_drivers.qx10.simulator.model import CameraModel
+from camera_drivers.qx10.simulator.pictures import drawn_picture
+from tests.camera_drivers.qx10.conftest import LIMITS
 
 MakeBench = Callable[..., Any]
 
@@ -167,3 +171,28 @@ def test_camera_with_another_clock_is_noticed(make_bench: MakeBench) -> None:
     assert abs(clock[0].camera_clock_offset_ns / 1e9 - 3600) < 1.5
     assert abs(clock[1].camera_clock_offset_ns / 1e9 - 3600 + 5 * 365 * 86400) < 1.5
     assert any("does not let its clock be set" in reason for reason in bench.listener.reasons("clock"))
+
+
+@pytest.mark.parametrize("mode", ["stills", "liveview"])
+def test_camera_that_sends_the_same_picture_again_and_again_is_connected_again_once(
+    make_bench: MakeBench, monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    """It hangs: each copy is stored, and the flight says from where to where it stood still."""
+    numbers = count(1)
+    bench = make_bench(mode=mode, limits=LIMITS.model_copy(update={"frozen_s": 0.5}))
+    for name in ("picture", "live_picture"):
+        monkeypatch.setattr(
+            CameraModel,
+            name,
+            lambda *_: drawn_picture(next(numbers) if bench.listener.reasons("frozen") else 0),
+        )
+    frames = bench.take(40)
+
+    (failure,) = bench.failures
+    assert str(failure) == "The picture has not changed for 0.5 s, since frame 0; the camera is connected again."
+    assert [frame.sequence for frame in frames] == list(range(40))
+    moved = len([frame for frame in frames if frame.encoded == drawn_picture(0)])
+    assert 2 < moved < 40
+    assert {frame.encoded for frame in frames[:moved]} == {drawn_picture(0)}
+    said = [(each.sequence, each.reason.partition(":")[0]) for each in bench.listener.reports if each.state == "frozen"]
+    assert said == [(0, "the picture is the same after connecting again"), (moved, "the picture changes again")]
