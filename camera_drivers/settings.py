@@ -46,6 +46,8 @@ def _anchored(path: Path, info: ValidationInfo) -> Path:
     if info.context is None:
         return path  # of a command line, not of a file
     one_line(str(path))
+    if path.parts[:1] == ("~",):
+        raise ValueError("~ is no home here; write the whole path")
     base = info.context["base"]
     return path if base is None else base / path
 

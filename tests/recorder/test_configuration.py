@@ -231,6 +231,10 @@ def write(path: Path, content: str | bytes) -> Path:
         (CAMERA + "storage: {directory: flights, keep_hours: 1:30}", "keep_hours: input should be a valid number"),
         (CAMERA + "storage: {directory: flights, segment_frames: 0100}", "0100 is octal; write it without the 0"),
         (CAMERA + 'storage: {directory: "a\\0b"}', "storage.directory"),
+        (
+            CAMERA + "storage: {directory: ~/flights}",
+            "storage.directory: value error, ~ is no home here; write the whole",
+        ),
         (CAMERA + "storage: {directory: " + "x" * 300 + "}", "storage.directory"),
         (CAMERA + "storage: {directory: pictures/000.jpg}", "storage.directory"),
         (CAMERA + STORAGE + "attach: {panel: /dev/zero}", "attach.panel"),
