@@ -222,14 +222,21 @@ def sync_directory(directory: Path) -> None:
         raise _not_written(directory, error) from error
 
 
+def is_there(path: Path) -> bool:
+    """Whether the name exists, if only as a link that leads nowhere; raises FlightNotWrittenError if the disk fails."""
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise _not_written(path, error) from error
+    return True
+
+
 def refuse_existing(target: Path) -> None:
     """Raise FlightNotWrittenError if the name exists, or the disk does not say."""
-    try:
-        target.lstat()  # a link that leads nowhere is something, too
-    except FileNotFoundError:
+    if not is_there(target):
         return
-    except OSError as error:
-        raise _not_written(target, error) from error
     raise FlightNotWrittenError(target, reason="exists already; give the recording another name")
 
 

@@ -34,6 +34,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -368,11 +369,13 @@ def _place(match: re.Match[str]) -> tuple[str, int]:
 def free_recording_name(directory: Path, wanted: str) -> str:
     """Return the wanted name, or the first of `wanted-2`, ... that no segment in the directory has, even one begun."""
     try:
-        paths = [path.with_name(path.name.removesuffix(BEGUN_SUFFIX)) for path in directory.iterdir()]
+        with os.scandir(directory) as entries:
+            # Of hundreds of thousands only those in question are looked at.
+            alike = [entry.name.removesuffix(BEGUN_SUFFIX) for entry in entries if entry.name.startswith(wanted)]
     except OSError as error:
         raise FlightNotWrittenError(
             directory, reason=f"cannot be listed ({error.strerror}); check the directory"
         ) from error
-    taken = {place[0] for path in paths if (place := claimed_place(path))}
+    taken = {place[0] for name in alike if (place := claimed_place(Path(name)))}
     names = (wanted if number == 1 else f"{wanted}-{number}" for number in range(1, len(taken) + 2))
     return next(name for name in names if name not in taken)

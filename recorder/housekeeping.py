@@ -2,13 +2,15 @@
 
 The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
 names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. No picture
-counts for more than `SILENCE_S`, so neither a box that waited for its camera nor a file of few pictures that claims to
-be long makes a flight look old. How many pictures there are is what the file's own statistics say.
+counts for more than `SILENCE_S`, or than the camera's interval if that is longer, so neither a box that waited for its
+camera nor a file of few pictures that claims to be long makes a flight look old. How many pictures there are is what
+the file's own statistics say.
 
-Never deleted: the newest `keep_hours`, what is marked (see `marks`), what somebody has in work, files with names that
-the recorder does not give, and files with such a name that cannot be read as a segment or claim to be longer than one
-can be: these count no hours and are named in the log. What the system does not let go is named, too, and passed over.
-Frames that a recovery set apart (`.unproven`) are as old as their segment, and kept by its mark.
+Never deleted: the newest `keep_hours`, also of each recording that another recorder has in work; what is marked (see
+`marks`), what somebody has in work, files with names that the recorder does not give, and files with such a name that
+cannot be read as a segment or claim to be longer than one can be: these count no hours and are named in the log. What
+the system does not let go is named, too, and passed over. Frames that a recovery set apart (`.unproven`) are as old as
+their segment, and kept by its mark.
 
 Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
 background. Those that there is no room to finish are as old as their names say and go in their turn; otherwise each
@@ -22,7 +24,7 @@ import os
 import queue
 import re
 import threading
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,12 +34,12 @@ from flight_file.files import claimed
 from flight_file.frame import NS_PER_S
 from flight_file.records import DamagedRecordError
 from flight_file.salvage import Outcome, Recovery
-from flight_file.session import PART_SUFFIX, claimed_place
+from flight_file.session import PART_SUFFIX, claimed_place, parse_segment_name
 from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
-from recorder.marks import MARKS_FOLDER, marked_names, names_that_keep, tidy_marks
+from recorder.marks import MARKS_FOLDER, Marks, is_in_work, tidy_marks
 from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SILENCE_S
 
 _OURS = re.compile(
@@ -66,12 +68,15 @@ class Rules:
         No segment is longer than this; a file that claims to be is not believed.
     max_ns
         Older segments are deleted even if there is room; None to keep them.
+    picture_ns
+        No picture counts for more than this.
     """
 
     reserve_bytes: int
     keep_ns: int
     longest_ns: int
     max_ns: int | None = None
+    picture_ns: int = round(SILENCE_S * NS_PER_S)
 
 
 def by_age(names: Iterable[str]) -> list[str]:
@@ -122,11 +127,11 @@ class _SegmentIndex:
     """
 
     def __init__(
-        self, read: Callable[[Path], Recorded], waiting: Mapping[str, Recorded], longest_ns: int, journal: Journal
+        self, read: Callable[[Path], Recorded], waiting: Mapping[str, Recorded], rules: Rules, journal: Journal
     ) -> None:
         self._read = read
         self._waiting = waiting
-        self._longest_ns = longest_ns
+        self._rules = rules
         self._journal = journal
         self._directory = Path()
         self._segments: list[tuple[_Age, str]] = []
@@ -162,11 +167,11 @@ class _SegmentIndex:
                 found = self._read(self._directory / name) if waiting is None else waiting
             except (OSError, DamagedRecordError):
                 found = None
-            if found is None or found.span_ns > self._longest_ns:
+            if found is None or found.span_ns > self._rules.longest_ns:
                 self.unreadable.add(name)
                 self._unsaid.append(name)
                 return 0
-            self._spans_ns[name] = min(found.span_ns, round(found.pictures * SILENCE_S * NS_PER_S))
+            self._spans_ns[name] = min(found.span_ns, found.pictures * self._rules.picture_ns)
         return self._spans_ns.get(name)
 
     def say_unreadable(self) -> None:
@@ -206,7 +211,7 @@ class Retention:
         self._free_bytes = free_bytes
         self._journal = journal
         self._waiting = {} if waiting is None else waiting
-        self._index = _SegmentIndex(read, self._waiting, rules.longest_ns, journal)
+        self._index = _SegmentIndex(read, self._waiting, rules, journal)
         self._said: set[str] = set()
         self._refused: set[str] = set()
 
@@ -231,13 +236,13 @@ class Retention:
         except OSError:
             return False  # a disk that is gone needs no room; the writer reports it
         try:
-            marked = marked_names(self._directory)
+            with Marks(self._directory, self._index.names) as marks:
+                deleted = self._delete_oldest(segments, marks, disk_is_full=disk_is_full)
         except OSError as error:
             if self._is_new("marks_unknown"):
                 self._journal.log.warning("marks_unknown", directory=str(self._directory), reason=error.strerror)
             return False
         self._said.discard("marks_unknown")
-        deleted = self._delete_oldest(segments, marked, disk_is_full=disk_is_full)
         self._index.say_unreadable()
         return deleted
 
@@ -257,13 +262,14 @@ class Retention:
         self._said.add(what)
         return is_new
 
-    def _delete_oldest(self, segments: Sequence[str], marked: Container[str], *, disk_is_full: bool) -> bool:
+    def _delete_oldest(self, segments: Sequence[str], marks: Marks, *, disk_is_full: bool) -> bool:
         span_ns = self._index.span_ns
         too_old = 0 if self._rules.max_ns is None else len(older_than(segments, self._rules.max_ns, span_ns))
         wanted, deleted = disk_is_full, False
         refused: dict[str, OSError] = {}
+        newest_in_work = self._newest_in_work(segments)
         for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
-            if any(each in marked for each in names_that_keep(name)):
+            if name in newest_in_work or marks.keep(name):
                 continue
             if not (number < too_old or wanted or self._is_short()):
                 break
@@ -280,6 +286,19 @@ class Retention:
                     break
         self._say_refused(refused)
         return deleted
+
+    def _newest_in_work(self, segments: Sequence[str]) -> set[str]:
+        """Return the newest segments, as many as are to be kept, of each recording that somebody has in work.
+
+        A recorder that was started before another one in the same directory has the older names for newer segments.
+        """
+        newest: set[str] = set()
+        for path in (self._directory / name for name in self._index.names if name.endswith(PART_SUFFIX)):
+            place = None if path.name in self._waiting else parse_segment_name(path)
+            if place is not None and is_in_work(path):
+                own = [name for name in segments if name.startswith(f"{place[0]}_")]
+                newest.update(own[len(older_than(own, self._rules.keep_ns, self._index.span_ns)) :])
+        return newest
 
     def _is_short(self) -> bool:
         free = self._free_bytes(self._directory)
@@ -389,7 +408,7 @@ class Salvager(threading.Thread):
     def _try_postponed(self) -> None:
         postponed, self._postponed = self._postponed, []
         for path in postponed:
-            if os.path.lexists(path):  # or else it was deleted to make room
+            if not _is_gone(path):  # it may have been deleted to make room
                 self._salvage(path)
 
     def _salvage(self, path: Path) -> None:
@@ -405,6 +424,8 @@ class Salvager(threading.Thread):
         except FlightFileError as error:
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
         except OSError as error:
+            if not isinstance(error, FileNotFoundError):
+                self._postponed.append(path)
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=error.strerror)
         except MemoryError:
             reason = "it holds records that are larger than the memory; recover it on another machine"
@@ -417,3 +438,12 @@ class Salvager(threading.Thread):
         # work can be read as it is, so no flight may be deleted for it. While it waits it grows old as any other.
         free = self._free_bytes(path.parent)
         return free is None or free >= 2 * path.stat().st_size
+
+
+def _is_gone(path: Path) -> bool:
+    """Whether nothing has this name; a disk that does not say has not lost it."""
+    try:
+        path.lstat()
+    except OSError as error:
+        return isinstance(error, FileNotFoundError)
+    return False

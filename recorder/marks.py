@@ -22,11 +22,14 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from itertools import islice
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import click
 
@@ -37,7 +40,7 @@ from flight_file.untrusted import regular_names, say
 from recorder.cli import failures_as_sentences
 from recorder.errors import NothingToMarkError, NotMarkedError
 from recorder.host import SystemClock
-from recorder.thresholds import MARK_BYTES
+from recorder.thresholds import MARK_BYTES, READS_AT_ONCE
 
 MARK_SUFFIX = ".keep"
 MARKS_FOLDER = "marks"
@@ -84,17 +87,51 @@ def is_marked(segment: Path) -> bool:
     return False
 
 
-def marked_names(directory: Path) -> set[str]:
-    """Return the names of the marked segments in a directory; raises OSError where it is unknown which they are."""
-    with os.scandir(directory) as entries:
-        names = [entry.name for entry in entries]
-    try:
-        with _opened_folder(directory) as folder, os.scandir(folder) as entries:
-            names += (entry.name for entry in entries)
-    except OSError as error:
-        if error.errno not in _NO_FOLDER:
-            raise
-    return {name.removesuffix(MARK_SUFFIX) for name in names if name.endswith(MARK_SUFFIX)}
+class Marks:
+    """The marks in a directory, looked up one by one: listing what a stranger put there may take for ever.
+
+    Parameters
+    ----------
+    beside
+        The names in the directory itself.
+
+    Raises
+    ------
+    OSError
+        From every method, where it is unknown what is marked.
+    """
+
+    def __init__(self, directory: Path, beside: Container[str]) -> None:
+        self._beside = beside
+        self._folder: int | None = None
+        try:
+            self._folder = _open_folder(directory)
+        except OSError as error:
+            if error.errno not in _NO_FOLDER:
+                raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /
+    ) -> None:
+        if self._folder is not None:
+            os.close(self._folder)
+
+    def keep(self, file: str) -> bool:
+        """Whether a mark keeps this file, finished or in work."""
+        return any(self._is_there(name + MARK_SUFFIX) for name in names_that_keep(file))
+
+    def _is_there(self, mark: str) -> bool:
+        if mark in self._beside:
+            return True
+        try:
+            return self._folder is not None and bool(os.stat(mark, dir_fd=self._folder, follow_symlinks=False))
+        except OSError as error:
+            if error.errno not in (errno.ENOENT, errno.ENAMETOOLONG):
+                raise
+            return False
 
 
 def make_marks_folder(directory: Path) -> None:
@@ -106,12 +143,12 @@ def make_marks_folder(directory: Path) -> None:
 
 
 def tidy_marks(directory: Path) -> Tidied:
-    """Empty the marks that are larger than any mark, and look for what is none."""
+    """Empty the marks that are larger than any mark, and look for what is none; of very many only among the first."""
     emptied: list[Path] = []
     strange: list[str] = []
     try:
         with _opened_folder(directory) as folder, os.scandir(folder) as entries:
-            for entry in entries:
+            for entry in islice(entries, READS_AT_ONCE):
                 if not _is_mark(entry.name):
                     strange.append(entry.name)
                 elif entry.is_file(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_size > MARK_BYTES:
@@ -136,12 +173,15 @@ def _is_mark(name: str) -> bool:
 @contextmanager
 def _opened_folder(directory: Path) -> Iterator[int]:
     """Open the folder for marks itself, never what a link in its place leads to; raises OSError."""
-    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-    folder = os.open(directory / MARKS_FOLDER, flags)
+    folder = _open_folder(directory)
     try:
         yield folder
     finally:
         os.close(folder)
+
+
+def _open_folder(directory: Path) -> int:
+    return os.open(directory / MARKS_FOLDER, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
 def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
@@ -185,13 +225,14 @@ def newest_two(directory: Path) -> list[Path]:
     segments = [path for name in regular_names(directory) if parse_segment_name(path := directory / name)]
     if not segments:
         return []
-    working = [path for path in segments if path.name.endswith(PART_SUFFIX) and _is_in_work(path)]
+    working = [path for path in segments if path.name.endswith(PART_SUFFIX) and is_in_work(path)]
     newest = max(working or segments, key=_age)
     before = _before(newest, segments)
     return [before, newest] if before is not None else [newest]
 
 
-def _is_in_work(path: Path) -> bool:
+def is_in_work(path: Path) -> bool:
+    """Whether a process has a segment in work, as far as this one may look."""
     with suppress(FlightFileError):  # all who may mark may read the recorder's own file
         return in_work(path)
     return False

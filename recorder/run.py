@@ -34,7 +34,7 @@ from recorder.journal import Journal
 from recorder.plan import clock_name, configured_signer, gather_attachments, plan_recording, refuse_wrong_directory
 from recorder.segment_store import SegmentStore
 from recorder.supervision import Heartbeats, ServiceManager, Stop, Supervision, stop_on_signals
-from recorder.thresholds import LONGER_S, TICK_S
+from recorder.thresholds import LONGER_S, SILENCE_S, TICK_S
 from recorder.writer_thread import Gauges, Recording, WriterThread
 
 _NS_PER_HOUR = 3600 * NS_PER_S
@@ -114,16 +114,24 @@ class Assembly:
             queued=lambda: len(self.queue) if live else None,
         )
 
-    def _retention(self) -> Retention:
+    def rules(self) -> Rules:
+        """Say what the retention is to keep."""
         storage = self.config.storage
-        rules = Rules(
+        return Rules(
             reserve_bytes=round(storage.keep_free_gib * 2**30),
             keep_ns=round(storage.keep_hours * _NS_PER_HOUR),
             longest_ns=round((storage.segment_s + LONGER_S) * NS_PER_S),
+            picture_ns=round(max(SILENCE_S, getattr(self.config.camera, "interval_s", 0.0)) * NS_PER_S),
             max_ns=None if storage.max_hours is None else round(storage.max_hours * _NS_PER_HOUR),
         )
+
+    def _retention(self) -> Retention:
         return Retention(
-            storage.directory, rules, free_bytes=self.host.free_bytes, journal=self.journal, waiting=self.waiting
+            self.config.storage.directory,
+            self.rules(),
+            free_bytes=self.host.free_bytes,
+            journal=self.journal,
+            waiting=self.waiting,
         )
 
     def _first_status(self) -> CameraStatus:

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from flight_file.errors import FlightNotWrittenError
-from flight_file.files import DurableFile
+from flight_file.files import DurableFile, is_there
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import NS_PER_S, CameraStatus, ClockReading, Frame, Health, LogClock, LogLine
 from flight_file.session import PART_SUFFIX, SEGMENT_SUFFIX
@@ -54,7 +54,7 @@ class DirectoryWatch:
 
     def begin(self, directory: Path) -> None:
         """Watch this directory from now on, made again if it was watched and somebody deleted it; raises as `check`."""
-        if self._found is not None and self._parent is not None and not os.path.lexists(directory):
+        if self._found is not None and self._parent is not None and not is_there(directory):
             _make_again(directory, self._found, self._parent)
         self._found, self._parent = _found(directory), _found(directory.parent)
         self._directory = directory
@@ -186,6 +186,7 @@ class SegmentStore:
         self._left: list[Path] = []
         self._back_off = BackOff()
         self._started = False
+        self.is_finished = False
         self.trouble: DiskFailure | None = None
         self.recording = ""
         self.stored = 0
@@ -258,7 +259,7 @@ class SegmentStore:
             self._attempt(lambda writer: writer.finish(reason, at), at)
         if self.trouble is not None:
             raise self.trouble.failure
-        self._writer = None
+        self._writer, self.is_finished = None, True
 
     def unwritten_frames(self) -> int:
         """Count the frames that are not certain to be on the disk."""
@@ -363,7 +364,7 @@ class SegmentStore:
             self._bring_back(file, remains.frames)
         elif file.cut():
             self._left.append(file.path)
-        elif file.has_moved or os.path.lexists(file.path.with_suffix("")):
+        elif file.has_moved or is_there(file.path.with_suffix("")):
             # The disk that it is on, or whoever finished it, still has its frames.
             self._journal.log.warning("segment_out_of_reach", path=str(file.path), frames=remains.frames)
         else:
@@ -371,7 +372,7 @@ class SegmentStore:
 
     def _bring_back(self, file: DurableFile, frames: int) -> None:
         """Give a file that was deleted or renamed a name again; count its frames as lost where that fails."""
-        path = next(path for path in _names_for(file.path) if not os.path.lexists(path))
+        path = next(path for path in _names_for(file.path) if not is_there(path))
         try:
             file.save_as(path)
         except FlightNotWrittenError as failure:

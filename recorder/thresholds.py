@@ -20,7 +20,7 @@
 | PATIENCE_S | 3 | s | for a camera to react to a stop | leaves time for the last sync |
 | END_S | 4.5 | s | for the recording to end | with LOOK_S less than five seconds |
 | HEALTH_S | 10 | s | from one health report to the next | as docs/box.md says |
-| READS_AT_ONCE | 5000 | - | segments whose length is read | half a second of the writer's thread |
+| READS_AT_ONCE | 5000 | - | segments, marks whose length is read | half a second of the writer's thread |
 | NAMED_AT_ONCE | 20 | - | unreadable files named in a log line | the others are counted |
 | SALVAGE_AGAIN_S | 600 | s | a file is tried again after a full disk | retention frees space meanwhile |
 | LONGER_S | 3600 | s | a segment is longer than `segment_s` | it was shortened, or the disk is slow |

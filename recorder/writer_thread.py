@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from flight_file.errors import FlightNotWrittenError
@@ -190,7 +191,7 @@ class WriterThread(threading.Thread):
         try:
             first = self._first_word() if self._wiring.live else None
             ended = self._until_end(first)
-            self._recording.finish(ended.reason, ended.at)
+            self._finish(ended)
             self._ended = ended
         except FlightNotWrittenError as failure:
             self._failure = failure
@@ -239,6 +240,21 @@ class WriterThread(threading.Thread):
             if ended is not None:
                 return ended
             item = None
+
+    def _finish(self, ended: Ended) -> None:
+        """Close the last segment, however long the disk fails: only a person who asks to stop does not wait for it."""
+        try:
+            self._recording.finish(ended.reason, ended.at)
+        except FlightNotWrittenError:
+            if not self._wiring.live or self._stop_request.is_requested:
+                raise
+        else:
+            return
+        while not self._store.is_finished:
+            self._heartbeats.disk()
+            if self._has_open_segment():
+                with suppress(FlightNotWrittenError):
+                    self._store.finish(ended.reason, self._wiring.clock.read())
 
     def _handle(self, item: Arrival | Notice | None) -> Ended | None:
         if isinstance(item, Arrival):

@@ -19,21 +19,25 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.recorders import eventually
+from camera_drivers.qx10.options import Qx10Settings
 from flight_file.errors import NothingToRecoverError
-from flight_file.files import claimed
+from flight_file.files import DurableFile, claimed
 from flight_file.reader import open_flight
 from flight_file.records import DamagedRecordError
 from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded
 from recorder import housekeeping, marks
 from recorder import run as run_module
-from recorder.config import parse_config
+from recorder.capture import CameraReports, wire
+from recorder.config import RecorderConfig, parse_config
+from recorder.frame_queue import Drops, FrameQueue
 from recorder.host import SimulatedClock, fixed_host
 from recorder.housekeeping import Retention, Rules, Salvager, older_than
 from recorder.journal import Journal
-from recorder.run import record
+from recorder.run import Assembly, record
+from recorder.supervision import Heartbeats
 from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE
-from tests.recorder.helpers import StartDaemon
+from tests.recorder.helpers import Configure, StartDaemon
 
 MIB = 2**20
 HOUR_NS = 3600 * 10**9
@@ -68,6 +72,16 @@ class SmallDisk:
     def left(self) -> list[int]:
         """Numbers of the segments that are there."""
         return [number for number in range(20) if self.path(number).exists()]
+
+
+def rules_of(config: RecorderConfig) -> Rules:
+    """The rules that a configuration makes."""
+    host, drops, nobody = fixed_host(SimulatedClock(0)), Drops(), Journal(io.StringIO())
+    queue = FrameQueue()
+    reports = CameraReports(queue=queue, drops=drops, heartbeats=Heartbeats(host.clock), clock=host.clock)
+    wiring = wire(config, host, reports)
+    assembly = Assembly(config=config, host=host, wiring=wiring, journal=nobody, drops=drops, queue=queue, signer=None)
+    return assembly.rules()
 
 
 def test_oldest_go_until_the_reserve_is_free(tmp_path: Path) -> None:
@@ -137,6 +151,51 @@ def test_what_a_recovery_made_of_a_marked_segment_stays(tmp_path: Path) -> None:
     disk.retention.make_room()
 
     assert {path.name for path in tmp_path.iterdir()} == {disk.path(1).name, *made, others[1], *marks}
+
+
+def test_newest_hours_of_a_recording_in_work_stay_however_old_its_name(tmp_path: Path) -> None:
+    """Of two recorders in one directory the names of the first one's are older than all of the second one's."""
+    disk = SmallDisk(tmp_path, 6, reserve_bytes=2**60, keep_ns=2 * HOUR_NS)
+    for number in range(4):
+        (tmp_path / f"20180504T110000Z_{number:04d}.mcap").touch()
+    file = DurableFile(tmp_path / "20180504T110000Z_0004.mcap.part")
+    disk.retention.make_room()
+    first = sorted(path.name for path in tmp_path.glob("*T11*.mcap"))
+    file.close()
+    disk.retention.make_room()
+
+    assert first == ["20180504T110000Z_0002.mcap", "20180504T110000Z_0003.mcap"]
+    assert disk.left() == [4, 5]
+    assert list(tmp_path.glob("*T11*.mcap")) == []
+
+
+def test_picture_counts_for_the_interval_of_the_camera(tmp_path: Path, configure: Configure) -> None:
+    """One a minute is sixty an hour: a camera that was told to be slow has its hours kept, and deleted after them."""
+    disk = SmallDisk(tmp_path, 6)
+    config = configure(storage={"max_hours": 6, "keep_hours": 1})
+    slow = config.model_copy(update={"camera": Qx10Settings(driver="qx10", interval_s=60.0)})
+    assert [rules_of(each).picture_ns for each in (config, slow)] == [20 * 10**9, 60 * 10**9]
+
+    rules = Rules(reserve_bytes=0, keep_ns=0, longest_ns=HOUR_NS, max_ns=3 * HOUR_NS, picture_ns=60 * 10**9)
+    minutes = Recorded(HOUR_NS, 60)
+    Retention(tmp_path, rules, free_bytes=disk.free, journal=Journal(disk.log), read=lambda _: minutes).make_room()
+
+    assert disk.left() == [3, 4, 5]
+
+
+def test_marks_folder_full_of_strange_things_keeps_nobody_waiting(tmp_path: Path) -> None:
+    """Only some are looked at, each time; a mark among them counts all the same."""
+    disk, folder = SmallDisk(tmp_path, 3), tmp_path / "marks"
+    folder.mkdir()
+    for number in range(READS_AT_ONCE + 500):
+        (folder / f"{number}").touch()
+    (folder / "20180504T120000Z_0000.mcap.keep").touch()
+    disk.retention.make_room(disk_is_full=True)
+    said = [json.loads(line) for line in disk.log.getvalue().splitlines()]
+
+    assert disk.left() == [0, 2]
+    assert said[0]["event"] == "marks_strange"
+    assert READS_AT_ONCE - 1 <= said[0]["count"] <= READS_AT_ONCE
 
 
 def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
@@ -494,20 +553,20 @@ def test_what_cannot_be_salvaged_is_said_and_tried_again_when_there_is_room(
 
 
 def test_disk_that_does_not_say_what_is_there_ends_no_salvage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that waits for room on a failing disk is named in the log, and the next one is tried."""
+    """A file that waits for room on a failing disk is named in the log, the next one is tried, and then it again."""
     monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
+    log = io.StringIO()
     waits, next_one = tmp_path / "R_0000.mcap.part", tmp_path / "R_0001.mcap.part"
     for path in (waits, next_one):
         path.write_bytes(bytes(100))
     stat, free = Path.stat, [0]
 
     def fail(path: Path, **options: bool) -> os.stat_result:
-        if path == waits and free != [0]:
+        if path == waits and free != [0] and "_0001" not in log.getvalue():
             raise OSError(errno.EIO, os.strerror(errno.EIO))
         return stat(path, **options)
 
     monkeypatch.setattr(Path, "stat", fail)
-    log = io.StringIO()
     salvager = Salvager(lambda _path: "recovered", free_bytes=lambda _path: free[0], journal=Journal(log), waiting={})
     salvager.start()
     salvager.submit(waits)
@@ -515,4 +574,4 @@ def test_disk_that_does_not_say_what_is_there_ends_no_salvage(tmp_path: Path, mo
     free[0] = 10**9
     eventually(lambda: "Input/output error" in log.getvalue())
     salvager.submit(next_one)
-    eventually(lambda: "segment_salvaged" in log.getvalue())
+    eventually(lambda: log.getvalue().count("segment_salvaged") == 2)

@@ -12,7 +12,7 @@ from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading
 from flight_file.session import Session
 from recorder.errors import NothingToMarkError, NotMarkedError
-from recorder.marks import Tidied, is_marked, make_marks_folder, mark_newest, marked_names, tidy_marks
+from recorder.marks import Marks, Tidied, is_marked, make_marks_folder, mark_newest, tidy_marks
 
 NOON_NS = 1_525_435_200_000_000_000
 
@@ -44,6 +44,12 @@ def mark(directory: Path, note: str = "") -> list[str]:
 def marked(directory: Path) -> list[str]:
     """The segments that are marked."""
     return sorted(path.name for path in directory.glob("*.mcap*") if path.suffix != ".keep" and is_marked(path))
+
+
+def kept(directory: Path) -> set[str]:
+    """Which of some names the retention takes for marked."""
+    with Marks(directory, {path.name for path in directory.iterdir()}) as marks:
+        return {name for letter in "RZ" for number in range(4) if marks.keep(name := f"{letter}_000{number}.mcap")}
 
 
 def test_segment_in_work_and_the_one_before_are_kept(tmp_path: Path, writer: FlightWriter) -> None:
@@ -89,7 +95,7 @@ def test_mark_of_an_older_recorder_counts(tmp_path: Path) -> None:
     (tmp_path / "R_0000.mcap.keep").touch()
 
     assert marked(tmp_path) == ["R_0000.mcap"]
-    assert marked_names(tmp_path) == {"R_0000.mcap"}
+    assert kept(tmp_path) == {"R_0000.mcap"}
 
 
 @pytest.mark.usefixtures("writer")
@@ -115,7 +121,9 @@ def test_whatever_lies_among_the_marks_keeps_a_segment_and_does_no_more(tmp_path
     with pytest.raises(NotMarkedError, match=r"\.$"):
         mark(tmp_path, "x")
 
-    assert marked_names(tmp_path) == {"R_0000.mcap", "R_0001.mcap", "R_0002.mcap", "Z_0000.mcap"}
+    assert kept(tmp_path) == {"R_0000.mcap", "R_0001.mcap", "R_0002.mcap", "Z_0000.mcap"}
+    with Marks(tmp_path, set()) as marks:
+        assert not marks.keep("Y_" + "0" * 248 + ".mcap")  # no mark can have a name as long
     assert [path.name for path in tidy_marks(tmp_path).emptied] == ["Z_0000.mcap.keep"]
     assert (tmp_path / "marks" / "Z_0000.mcap.keep").stat().st_size == 0
     assert victim.read_text() == "mine"
@@ -138,7 +146,7 @@ def test_link_in_place_of_the_folder_leads_nowhere(tmp_path: Path, target: str) 
     assert tidy_marks(tmp_path) == Tidied(unusable="Not a directory")
     assert [path.stat().st_size for path in large] == [100_000] * 3
     assert marked(tmp_path) == []
-    assert marked_names(tmp_path) == set()
+    assert kept(tmp_path) == set()
 
 
 def test_what_is_no_mark_is_left_as_it_is_and_named(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import io
 import os
 import random
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.harm import TAKEN, Disk, FailingDisk, take_away
-from benchmarks.recorders import Box, eventually
+from benchmarks.harm import HARMED, TAKEN, Disk, FailingDisk, take_away
+from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file import files
 from flight_file.errors import FlightNotWrittenError
 from flight_file.files import DurableFile
@@ -28,7 +29,7 @@ from flight_file.session import Session
 from flight_file.verification import Verdict, verify
 from recorder import supervision
 from recorder.errors import RecorderError
-from recorder.frame_queue import DELETED, Drops
+from recorder.frame_queue import DELETED, Drops, Ended
 from recorder.housekeeping import Retention, Rules
 from recorder.journal import Journal
 from recorder.segment_store import SegmentStore
@@ -263,6 +264,31 @@ def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
     assert store.stored == 1
 
 
+def test_finished_file_on_a_disk_that_does_not_say_what_is_there_is_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody else finished it while the disk failed: an error is no answer, and it is asked again."""
+    left: list[Path] = []
+    store = make_store(tmp_path, left)
+    store.open(at(0))
+    store.put(frame(0, 100), at(0))
+    store.tick(at(4))
+    failing = FailingDisk(monkeypatch.setattr)
+    failing.error = errno.EIO
+    store.put(frame(1, 100), at(8))
+    (part,) = tmp_path.glob("*.part")
+    failing.error = 0
+    recover_segment(part, at=at(8))
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "stat", refusing(os.stat, part.with_suffix(""), errno.EIO))
+        assert not store.try_now(at(9))
+    store.try_now(at(10))
+    store.finish("stopped", at(10))
+
+    assert [found.sequence for found in open_flight(sorted(tmp_path.glob("*.mcap"))).frames()] == [0, 1]
+    assert store.stored == 2
+
+
 def pictures(count: int) -> list[bytes]:
     """Different ones."""
     return [number.to_bytes(4, "big") + bytes(SIZE - 4) for number in range(count)]
@@ -382,6 +408,49 @@ def test_stop_while_the_disk_fails_is_an_error(start_daemon: StartDaemon, monkey
     with pytest.raises(FlightNotWrittenError, match="cannot be written"):
         daemon.finish()
     assert daemon.events("recording_failed")[0]["unwritten_frames"] >= 3
+
+
+@pytest.mark.slow
+def test_replay_that_ends_while_the_disk_fails_waits_for_it(write_config: WriteConfig) -> None:
+    """Nobody asked it to stop: what it has read is stored when the disk is back, and that is its end."""
+    box = Box(write_config(camera={"pace": "realtime", "rate_hz": 20}), HARMED)
+    box.in_work_soon()
+    box.order("disk", errno.ENOSPC)
+    eventually(lambda: box.events("disk_failed"))
+    time.sleep(3)
+    assert box.process.poll() is None
+    box.order("disk", 0)
+    box.process.wait(PATIENCE_S)
+
+    assert [event["stored"] for event in box.events("recording_finished")] == [40]
+    box.stop()
+
+
+def test_disk_that_fails_in_the_last_moment_of_a_replay_is_waited_for(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The end was taken from the queue already; then the last sync fails, and the one after it, too."""
+    failing = FailingDisk(monkeypatch.setattr)
+    daemon = start_daemon()
+    daemon.feed(*pictures(2))
+    finish = SegmentStore.finish
+
+    def fail(store: SegmentStore, reason: str, at: ClockReading) -> None:
+        failing.error = errno.EIO
+        try:
+            finish(store, reason, at)
+        finally:
+            monkeypatch.setattr(SegmentStore, "finish", finish)
+
+    monkeypatch.setattr(SegmentStore, "finish", fail)
+    daemon.queue.end(Ended("no more pictures", daemon.clock.read()))
+    eventually(lambda: daemon.events("disk_failed"))
+    assert not daemon.over.done()
+    failing.error = 0
+    outcome = daemon.over.result(PATIENCE_S)
+
+    assert (outcome.stored, outcome.reason) == (2, "no more pictures")
+    assert [found.sequence for found in daemon.frames()] == [0, 1]
 
 
 def test_disk_that_hangs_does_not_hold_up_the_end(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
