@@ -201,7 +201,7 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
     NothingToMarkError
         There is no segment.
     NotMarkedError
-        The directory cannot be listed or written.
+        The directory cannot be listed or written, or the marks found room there, but not the note.
     """
     try:
         found = newest_two(directory)
@@ -211,12 +211,21 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
         make_marks_folder(directory)
         line = f"{when:%Y-%m-%dT%H:%M:%SZ} {' '.join(note.split())}".rstrip() + "\n"
         with _opened_folder(directory) as folder:
-            for segment in found:
-                _append(_mark_name(segment), line.encode(), folder)
+            # All marks first: on a full disk a name may find room where a note does not, and it is the name that keeps.
+            marks = [_opened_mark(_mark_name(segment), folder) for segment in found]
             os.fsync(folder)
     except OSError as error:
-        reason = f"no recording in it can be marked ({error.strerror}); you must be in the recorder's group to mark"
-        raise NotMarkedError(f"{directory}: {reason}.") from error
+        reason = f"no recording in it can be marked ({error.strerror})"
+        raise NotMarkedError(f"{directory}: {reason}; make room, or join the recorder's group.") from error
+    try:
+        for mark in marks:
+            _append(mark, line.encode())
+    except OSError as error:
+        names = " and ".join(path.name for path in found)
+        raise NotMarkedError(f"{names} will be kept, but without the note ({error.strerror}); make room.") from error
+    finally:
+        for mark in marks:
+            os.close(mark)
     return found
 
 
@@ -257,17 +266,18 @@ def _age(path: Path) -> tuple[int, str]:
 _APPENDING = os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
-def _append(name: str, content: bytes, folder: int) -> None:
+def _opened_mark(name: str, folder: int) -> int:
     # An existing file is opened without O_CREAT: in a sticky folder the kernel refuses that for a file of another user.
     try:
-        descriptor = os.open(name, _APPENDING, dir_fd=folder)
+        return os.open(name, _APPENDING, dir_fd=folder)
     except FileNotFoundError:
-        descriptor = _new_mark(name, folder)
-    try:
-        os.write(descriptor, content)
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        return _new_mark(name, folder)
+
+
+def _append(mark: int, content: bytes) -> None:
+    if os.write(mark, content) < len(content):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    os.fsync(mark)
 
 
 def _new_mark(name: str, folder: int) -> int:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from benchmarks.harm import Disk
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading
 from flight_file.session import Session
@@ -160,3 +162,24 @@ def test_what_is_no_mark_is_left_as_it_is_and_named(tmp_path: Path) -> None:
     assert [path.name for path in tidied.emptied] == ["R_0000.mcap.keep"]
     assert sorted(tidied.strange) == strange
     assert [path.stat().st_size for path in sorted(tmp_path.rglob("*")) if path.is_file()] == [0, *[100_000] * 3]
+
+
+def test_mark_on_a_full_disk_keeps_without_its_note(disk: Disk) -> None:
+    """The segment in work, too: a name finds room where no byte does. It is said, and later the note can be added."""
+    names = ["R_0000.mcap", "R_0001.mcap"]
+    for number, name in enumerate(names):
+        (disk.path / name).touch()
+        os.utime(disk.path / name, ns=(NOON_NS, NOON_NS + number))
+    make_marks_folder(disk.path)
+    with suppress(OSError), (disk.path / "ballast").open("wb", buffering=0) as ballast:
+        while ballast.write(bytes(2**16)):
+            continue
+    with pytest.raises(
+        NotMarkedError, match=r"0000\.mcap and R_0001\.mcap will be kept, but without the note \(No space"
+    ):
+        mark(disk.path, "bird strike")
+    assert marked(disk.path) == names
+    (disk.path / "ballast").unlink()
+    mark(disk.path, "bird strike")
+
+    assert (disk.path / "marks" / "R_0001.mcap.keep").read_text() == "2018-05-04T12:00:00Z bird strike\n"
