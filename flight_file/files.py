@@ -162,13 +162,17 @@ class DurableFile:
         except OSError:
             return True
 
-    def discard(self) -> None:
-        """Close and remove it, if the disk allows and its name is still ours."""
-        gone = self.is_gone
+    def discard(self) -> bool:
+        """Close and remove it, if the disk allows and its name is still ours; return whether it is certainly gone."""
+        gone, out_of_reach = self.is_gone, self.has_moved
         self.close()
-        if not gone:
-            with suppress(OSError):
-                self.path.unlink(missing_ok=True)
+        if gone or out_of_reach:
+            return gone
+        try:
+            self.path.unlink(missing_ok=True)
+        except OSError:
+            return False
+        return True
 
     @property
     def is_gone(self) -> bool:

@@ -153,7 +153,7 @@ class Remains:
     ----------
     file
         The file in work, with what is on the disk for certain; closed, unless its name was taken away. None if nothing
-        but its head was on the disk, then it was removed, or if it was finished.
+        but its head was on the disk and it could be removed, or if it was finished.
     segment
         Number of the next segment.
     chain
@@ -348,8 +348,7 @@ class SegmentWriter:
             # Its name becomes durable with that of the next segment, which is in the same directory.
             self._file.close()
             return Remains(None, self.session.segment + 1, self.chain)
-        if not self._synced:
-            self._file.discard()
+        if not self._synced and self._file.discard():
             return Remains(None, self.session.segment, self._given_chain)
         if not self._file.is_gone:
             self._file.close()

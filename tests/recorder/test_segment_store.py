@@ -264,6 +264,37 @@ def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
     assert store.stored == 1
 
 
+def test_file_that_can_neither_be_synced_nor_removed_gives_no_picture_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where an error makes the disk read-only: its bytes may be there all the same, and are written once more."""
+    left: list[Path] = []
+    store = make_store(tmp_path, left)
+    store.open(at(0))
+    with monkeypatch.context() as patched:
+
+        def refuse(file: DurableFile) -> None:
+            raise FlightNotWrittenError(file.path, reason="cannot be written (Input/output error)")
+
+        patched.setattr(DurableFile, "sync", refuse)
+        patched.setattr(os, "unlink", refusing(os.unlink, next(tmp_path.glob("*.part")), errno.EROFS))
+        store.put(frame(0, 100), at(0))
+        store.tick(at(4))
+        assert store.trouble is not None
+    assert next(tmp_path.glob("*.part")).read_bytes().count(bytes(100))
+    store.try_now(at(7))
+    store.put(frame(1, 100), at(7))
+    store.finish("stopped", at(7))
+    for part in left:
+        recover_segment(part, at=at(8))
+    paths = sorted(tmp_path.iterdir())
+    (check,) = verify(paths)
+
+    assert [found.sequence for found in open_flight(paths).frames()] == [0, 1]
+    assert [path.suffix for path in paths] == [".mcap", ".mcap"]
+    assert (store.stored, check.verdict) == (2, Verdict.LOSS)
+
+
 def test_finished_file_on_a_disk_that_does_not_say_what_is_there_is_not_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
