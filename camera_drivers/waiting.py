@@ -12,12 +12,13 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraError, CameraSilentError
+from camera_drivers.errors import CameraError, CameraSilentError, CameraUnreachableError
 from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import LOOK_S, SAY_S
 from flight_file.frame import NS_PER_S, CameraStatus
 
 T = TypeVar("T")
+NO_THREAD = "the system has no thread left for it"
 NO_ANSWER = "no whole answer within its time"
 CRASHED = "the answer crashed the driver, whose traceback is in the log"
 
@@ -74,7 +75,7 @@ class Waiter:
         """
         self.check()
         job = Job(call, work)
-        job.start()
+        begin(job, call)
         start_ns = said_ns = self._now_ns()
         while not job.done.wait(LOOK_S):
             now_ns = self._now_ns()
@@ -117,6 +118,14 @@ class Waiter:
 
     def _now_ns(self) -> int:
         return self._clock.read().monotonic_ns
+
+
+def begin(thread: threading.Thread, call: str) -> None:
+    """Start a thread for a call; raises CameraUnreachableError where the system has none left: it may have one soon."""
+    try:
+        thread.start()
+    except RuntimeError as error:
+        raise CameraUnreachableError(call, NO_THREAD) from error
 
 
 class Job(threading.Thread, Generic[T]):

@@ -20,7 +20,7 @@ from camera_drivers.qx10.events import Events, SilentReporter, Watcher
 from camera_drivers.qx10.link import Link
 from camera_drivers.qx10.options import Qx10Settings
 from camera_drivers.qx10.remote_api import RemoteApi
-from camera_drivers.waiting import Waiter
+from camera_drivers.waiting import Waiter, begin
 from flight_file.untrusted import shown
 
 DRIVER = "qx10"
@@ -60,7 +60,7 @@ def connect(options: Qx10Settings, clock: Clock, waiter: Waiter) -> Connection:
     watcher = None
     if options.long_poll:
         watcher = Watcher(RemoteApi(link.parallel(clock, SilentReporter()), description.services), events)
-        watcher.start()
+        begin(watcher, "getEvent")
     try:
         identity = CameraIdentity(DRIVER, description.name, description.serial, _application(api))
     except BaseException:

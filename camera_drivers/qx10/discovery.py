@@ -48,7 +48,7 @@ from camera_drivers.thresholds import (
     MAX_KNOWN_URLS,
     SEARCH_AGAIN_S,
 )
-from camera_drivers.waiting import Job, Waiter
+from camera_drivers.waiting import Job, Waiter, begin
 from flight_file.frame import NS_PER_S
 from flight_file.untrusted import shown
 
@@ -228,7 +228,7 @@ class _Inquiries:
         host = host_of(url)
         exchange = Exchange(host, connect_s=self._limits.connect_s, quiet_s=2 * self._limits.call_s)
         job = Job("description", partial(fetch_description, exchange, url))
-        job.start()
+        begin(job, "description")
         self._running.append(_Inquiry(host, exchange, job, self._clock.read().monotonic_ns))
 
 

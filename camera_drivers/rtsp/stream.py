@@ -36,7 +36,7 @@ from camera_drivers.reporter import Reporter
 from camera_drivers.rtsp.options import RtspSettings, with_credentials
 from camera_drivers.rtsp.times import Stamps, StreamTimes
 from camera_drivers.thresholds import CLOSE_S, LOOK_S, MAX_WAITING_PICTURES, SAY_S
-from camera_drivers.waiting import Notes, Waiter
+from camera_drivers.waiting import Notes, Waiter, begin
 from flight_file.frame import NS_PER_S, ClockReading
 from flight_file.thresholds import MAX_CHUNK_BYTES
 from flight_file.video.groups import has_parameter_sets
@@ -115,7 +115,11 @@ class RtspSource:
         self._missed = missed
         self._has_key = False
         self._reader = _Reader(lambda: _units(container, stream, clock), container.close)
-        self._reader.start()
+        try:
+            begin(self._reader, "stream")
+        except CameraError:
+            container.close()
+            raise
         size = " {} x {}".format(*self._size_px) if self._size_px else ""
         self.identity = CameraIdentity(DRIVER, note=f"{_place(options.url)}, {self._format}{size}")
 

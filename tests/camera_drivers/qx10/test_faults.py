@@ -5,6 +5,7 @@ The ledger of the simulated camera says which pictures it delivered whole; the f
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -196,3 +197,23 @@ def test_camera_that_sends_the_same_picture_again_and_again_is_connected_again_o
     assert {frame.encoded for frame in frames[:moved]} == {drawn_picture(0)}
     said = [(each.sequence, each.reason.partition(":")[0]) for each in bench.listener.reports if each.state == "frozen"]
     assert said == [(0, "the picture is the same after connecting again"), (moved, "the picture changes again")]
+
+
+@pytest.mark.parametrize("thread", ["camera description", "qx10 watcher", "camera actTakePicture", "camera download"])
+def test_system_that_has_no_thread_left_for_a_while_ends_no_recording(
+    make_bench: MakeBench, monkeypatch: pytest.MonkeyPatch, thread: str
+) -> None:
+    """A call that cannot begin was not made: the camera is connected again, and no picture comes twice."""
+    start, left = threading.Thread.start, [2]
+
+    def refuse(started: threading.Thread) -> None:
+        if started.name == thread and left[0]:
+            left[0] -= 1
+            raise RuntimeError("can't start new thread")
+        start(started)
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    frames = make_bench().take(FRAMES)
+
+    assert left == [0]
+    assert len({frame.sha256 for frame in frames}) == FRAMES
