@@ -34,13 +34,13 @@ from flight_file.files import claimed
 from flight_file.frame import NS_PER_S
 from flight_file.records import DamagedRecordError
 from flight_file.salvage import Outcome, Recovery
-from flight_file.session import PART_SUFFIX, claimed_place, parse_segment_name
+from flight_file.session import BEGUN_SUFFIX, PART_SUFFIX, claimed_place
 from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
 from recorder.marks import MARKS_FOLDER, Marks, is_in_work, tidy_marks
-from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SILENCE_S
+from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SILENCE_S
 
 _OURS = re.compile(
     r"(?P<start>\d{8}T\d{6}Z)(-(?P<copy>\d+))?_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap"
@@ -51,6 +51,7 @@ _Age = tuple[str, int, int, str]
 Recover = Callable[[Path], str]
 """Finishes one file in work; says in words what became of it, and raises FlightFileError."""
 _ALL_REFUSED = (errno.EROFS, errno.EIO)  # a disk that refuses one deletion so refuses all
+_IN_WORK = (PART_SUFFIX, BEGUN_SUFFIX)
 _NICE = 10  # the camera and the disk go first
 
 
@@ -214,6 +215,7 @@ class Retention:
         self._index = _SegmentIndex(read, self._waiting, rules, journal)
         self._said: set[str] = set()
         self._refused: set[str] = set()
+        self._in_work: dict[str, int] = {}  # recordings, and for how many looks each still counts as in work
 
     @property
     def unreadable(self) -> int:
@@ -291,13 +293,17 @@ class Retention:
         """Return the newest segments, as many as are to be kept, of each recording that somebody has in work.
 
         A recorder that was started before another one in the same directory has the older names for newer segments.
+        Between two segments it has no file in work, so each is remembered for some more looks.
         """
+        self._in_work = {recording: looks - 1 for recording, looks in self._in_work.items() if looks > 1}
+        for name in (name for name in self._index.names if name.endswith(_IN_WORK) and name not in self._waiting):
+            place = claimed_place(Path(name.removesuffix(BEGUN_SUFFIX)))
+            if place is not None and is_in_work(self._directory / name):
+                self._in_work[place[0]] = LOOKS
         newest: set[str] = set()
-        for path in (self._directory / name for name in self._index.names if name.endswith(PART_SUFFIX)):
-            place = None if path.name in self._waiting else parse_segment_name(path)
-            if place is not None and is_in_work(path):
-                own = [name for name in segments if name.startswith(f"{place[0]}_")]
-                newest.update(own[len(older_than(own, self._rules.keep_ns, self._index.span_ns)) :])
+        for recording in self._in_work:
+            own = [name for name in segments if name.startswith(f"{recording}_")]
+            newest.update(own[len(older_than(own, self._rules.keep_ns, self._index.span_ns)) :])
         return newest
 
     def _is_short(self) -> bool:

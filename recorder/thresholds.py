@@ -21,6 +21,7 @@
 | END_S | 4.5 | s | for the recording to end | with LOOK_S less than five seconds |
 | HEALTH_S | 10 | s | from one health report to the next | as docs/box.md says |
 | READS_AT_ONCE | 5000 | - | segments, marks whose length is read | half a second of the writer's thread |
+| LOOKS | 6 | - | of retention, after which a recording not in work has ended | one may fall between two segments |
 | NAMED_AT_ONCE | 20 | - | unreadable files named in a log line | the others are counted |
 | SALVAGE_AGAIN_S | 600 | s | a file is tried again after a full disk | retention frees space meanwhile |
 | LONGER_S | 3600 | s | a segment is longer than `segment_s` | it was shortened, or the disk is slow |
@@ -50,6 +51,7 @@ PATIENCE_S = 3.0
 END_S = 4.5
 HEALTH_S = 10.0
 READS_AT_ONCE = 5_000
+LOOKS = 6
 NAMED_AT_ONCE = 20
 SALVAGE_AGAIN_S = 600.0
 LONGER_S = 3600.0

@@ -36,7 +36,7 @@ from recorder.housekeeping import Retention, Rules, Salvager, older_than
 from recorder.journal import Journal
 from recorder.run import Assembly, record
 from recorder.supervision import Heartbeats
-from recorder.thresholds import NAMED_AT_ONCE, READS_AT_ONCE
+from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE
 from tests.recorder.helpers import Configure, StartDaemon
 
 MIB = 2**20
@@ -160,9 +160,12 @@ def test_newest_hours_of_a_recording_in_work_stay_however_old_its_name(tmp_path:
         (tmp_path / f"20180504T110000Z_{number:04d}.mcap").touch()
     file = DurableFile(tmp_path / "20180504T110000Z_0004.mcap.part")
     disk.retention.make_room()
-    first = sorted(path.name for path in tmp_path.glob("*T11*.mcap"))
     file.close()
+    file.path.unlink()
     disk.retention.make_room()
+    first = sorted(path.name for path in tmp_path.glob("*T11*.mcap"))
+    for _ in range(LOOKS):
+        disk.retention.make_room()
 
     assert first == ["20180504T110000Z_0002.mcap", "20180504T110000Z_0003.mcap"]
     assert disk.left() == [4, 5]
