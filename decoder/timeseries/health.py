@@ -20,6 +20,8 @@ from decoder.timeseries.thresholds import SMALLEST_PART
 
 WELL = "drawn well"
 SEEN = "it is hard to see there"
+CLEAR_NEEDLE = "on a picture in which the moving part has nothing printed behind it"
+PLAINLY = "on a picture that shows it plainly"
 MOSTLY = {
     Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
     Cause.PIVOT: "its pivot is uncertain: draw its centre more precisely with `decode setup`",
@@ -91,10 +93,8 @@ def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
     name, is_seen = series.quantity.name, _is_seen(series)
     seen = int(is_seen.sum())
     if seen < HALF * shown:
-        yield (
-            f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it on a"
-            " picture in which the moving part has nothing printed behind it"
-        )
+        where = CLEAR_NEEDLE if series.quantity.written is None else PLAINLY
+        yield f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it {where}"
     elif (
         series.quantity.written is None
         and seen > 1

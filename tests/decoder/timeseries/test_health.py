@@ -14,6 +14,7 @@ import yaml
 from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
 from decoder.panel.scale import Combination, Quantity
+from decoder.panel.written import BOOLEAN, Written
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries
 from decoder.timeseries.flight_decoder import decode_flight
 from decoder.timeseries.health import doubted, gauge_health
@@ -78,6 +79,16 @@ def test_needle_that_hardly_moves_is_named(values: list[float], wraps: float | N
     (findings,) = gauge_health(flight_of(series_of(values, wraps=wraps)), {}).values()
 
     assert [each.split(":")[0] for each in findings] == ([] if moves else ["a hardly moves"])
+
+
+@pytest.mark.parametrize(("written", "advice"), [(None, "printed behind it"), (BOOLEAN, "shows it plainly")])
+def test_what_is_hardly_read_is_told_what_picture_to_draw_it_on(written: Written | None, advice: str) -> None:
+    """A lamp or a display has no moving part; only a needle is advised to leave the print."""
+    series = series_of([1, 2, 3, 4], missing=3)
+    series = replace(series, quantity=replace(series.quantity, written=written))
+    ((finding,),) = gauge_health(flight_of(series), {}).values()
+
+    assert finding.endswith(advice)
 
 
 def test_pointers_that_contradict_each_other_are_named() -> None:
