@@ -440,12 +440,10 @@ def without_dial(template: NeedleTemplate, grid: PolarGrid) -> NeedleTemplate:
 
 
 def covers_axis(template: NeedleTemplate) -> Mask:
-    """(C,): where what a template shows covers a needle's axis: the row of most columns, which may be drawn off it."""
-    shown = 1.0 - template.transparency
-    covers: Mask = (shown[:-2] + shown[1:-1] + shown[2:]) / 3 > HALF
-    rows, axis = range(len(covers)), len(covers) // 2
-    most: Mask = covers[max(rows, key=lambda row: (int(covers[row].sum()), -abs(row - axis)))]
-    return most
+    """(C,): where what a template shows covers its axis."""
+    axis = (template.rows - 1) // 2
+    covers: Mask = 1.0 - template.transparency[axis - 1 : axis + 2].mean(axis=0) > HALF
+    return covers
 
 
 def needle_columns(tail_columns: int, covered: Mask, own: Mask) -> Mask:
