@@ -222,6 +222,18 @@ def refusing(call: Callable[..., Any], refused: Path, number: int) -> Callable[.
     return answer
 
 
+def failed_file(store: SegmentStore, directory: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[FailingDisk, Path]:
+    """A file with one picture on the disk, which fails while the next one is written."""
+    store.open(at(0))
+    store.put(frame(0, 100), at(0))
+    store.tick(at(4))
+    failing = FailingDisk(monkeypatch.setattr)
+    failing.error = errno.EIO
+    store.put(frame(1, 100), at(8))
+    (part,) = directory.glob("*.part")
+    return failing, part
+
+
 @pytest.mark.parametrize("taken_by", ["link", "fifo", "folder", "file", "another user's file", "nothing"])
 def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, taken_by: str
@@ -231,13 +243,7 @@ def test_whatever_took_the_place_of_a_failed_file_is_left_as_it_is(
     store, stranger = make_store(tmp_path / "store", left), tmp_path / "stranger"
     (tmp_path / "store").mkdir()
     stranger.write_bytes(bytes(100_000))
-    store.open(at(0))
-    store.put(frame(0, 100), at(0))
-    store.tick(at(4))
-    failing = FailingDisk(monkeypatch.setattr)
-    failing.error = errno.EIO
-    store.put(frame(1, 100), at(8))
-    (part,) = (tmp_path / "store").glob("*.part")
+    failing, part = failed_file(store, tmp_path / "store", monkeypatch)
     part.unlink()
     if taken_by == "link":
         part.symlink_to(stranger)
@@ -301,13 +307,7 @@ def test_finished_file_on_a_disk_that_does_not_say_what_is_there_is_not_lost(
     """Somebody else finished it while the disk failed: an error is no answer, and it is asked again."""
     left: list[Path] = []
     store = make_store(tmp_path, left)
-    store.open(at(0))
-    store.put(frame(0, 100), at(0))
-    store.tick(at(4))
-    failing = FailingDisk(monkeypatch.setattr)
-    failing.error = errno.EIO
-    store.put(frame(1, 100), at(8))
-    (part,) = tmp_path.glob("*.part")
+    failing, part = failed_file(store, tmp_path, monkeypatch)
     failing.error = 0
     recover_segment(part, at=at(8))
     with monkeypatch.context() as patched:

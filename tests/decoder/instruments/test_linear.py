@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -94,6 +96,25 @@ def test_its_value_is_drawn_across_its_window() -> None:
     assert np.mean(ends, axis=0) == pytest.approx([45.95, 80.0], abs=0.5)
 
 
+def assert_read(draw: Callable[[float, int], Floats], cut: tuple[float, float], heights: Floats, asked: Floats) -> None:
+    """A pointer that is cut at a height, and as many pixels high, is read where asked once a flight has taught it."""
+    at, span = cut
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": at, "span": span, "marks": MARKS}
+    )
+    slide = Slide.of(gauge, grid)
+    strips = [draw(at_y, seed + 1) for seed, at_y in enumerate(heights.tolist())]
+    reader = SlideReader(slide, learn_linear(slide, strips, first_linear(slide, draw(at, 0))))
+    found = reader.read(np.stack([draw(at_y, 50) for at_y in asked.tolist()]), np.zeros(len(asked)))
+    (quantity,) = gauge.quantities
+    at_px, values = np.array(quantity.marks).T
+    true_px = np.interp([value(at_y) for at_y in asked.tolist()], values, at_px)
+    off_px = [one["flap_deg"].angle_deg - px for one, px in zip(found, true_px.tolist(), strict=True)]
+
+    assert [one["flap_deg"].status for one in found] == [Status.READ] * len(asked)
+    assert np.abs(off_px).max() < 1.0
+
+
 def filled(at_y: float, seed: int = 0) -> Floats:
     """A printed card on which a bar rises from below to a height."""
 
@@ -108,21 +129,7 @@ def filled(at_y: float, seed: int = 0) -> Floats:
 @pytest.mark.parametrize("drawn_y", [50.0, 80.0, 110.0])
 def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: float) -> None:
     """What a bar covers is learned as the card's, wherever the bar has been shorter."""
-    gauge, grid = gauge_of(
-        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": drawn_y, "span": 24, "marks": MARKS}
-    )
-    slide, heights = Slide.of(gauge, grid), np.linspace(36.0, 118.0, 16)
-    strips = [filled(at_y, seed + 1) for seed, at_y in enumerate(heights.tolist())]
-    reader = SlideReader(slide, learn_linear(slide, strips, first_linear(slide, filled(drawn_y))))
-    asked = np.linspace(38.0, 116.0, 27)
-    found = reader.read(np.stack([filled(at_y, 50) for at_y in asked.tolist()]), np.zeros(len(asked)))
-    (quantity,) = gauge.quantities
-    at_px, values = np.array(quantity.marks).T
-    true_px = np.interp([value(at_y) for at_y in asked.tolist()], values, at_px)
-    off_px = [one["flap_deg"].angle_deg - px for one, px in zip(found, true_px.tolist(), strict=True)]
-
-    assert [one["flap_deg"].status for one in found] == [Status.READ] * len(asked)
-    assert np.abs(off_px).max() < 1.0
+    assert_read(filled, (drawn_y, 24.0), np.linspace(36.0, 118.0, 16), np.linspace(38.0, 116.0, 27))
 
 
 def column(at_y: float, seed: int = 0) -> Floats:
@@ -139,18 +146,5 @@ def column(at_y: float, seed: int = 0) -> Floats:
 
 def test_a_bar_as_bright_as_its_scale_is_read_after_it_stood_still_for_long() -> None:
     """A column that hardly shows where it is drawn, and stays there for half the flight, is read where it falls to."""
-    gauge, grid = gauge_of(
-        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": 60.0, "span": 16, "marks": MARKS}
-    )
-    slide, heights = Slide.of(gauge, grid), [*[60.0] * 8, *np.linspace(66.0, 116.0, 8)]
-    strips = [column(at_y, seed + 1) for seed, at_y in enumerate(heights)]
-    reader = SlideReader(slide, learn_linear(slide, strips, first_linear(slide, column(60.0))))
-    asked = np.linspace(60.0, 114.0, 19)
-    found = reader.read(np.stack([column(at_y, 50) for at_y in asked.tolist()]), np.zeros(len(asked)))
-    (quantity,) = gauge.quantities
-    at_px, values = np.array(quantity.marks).T
-    true_px = np.interp([value(at_y) for at_y in asked.tolist()], values, at_px)
-    off_px = [one["flap_deg"].angle_deg - px for one, px in zip(found, true_px.tolist(), strict=True)]
-
-    assert [one["flap_deg"].status for one in found] == [Status.READ] * len(asked)
-    assert np.abs(off_px).max() < 1.0
+    heights = np.concatenate([np.full(8, 60.0), np.linspace(66.0, 116.0, 8)])
+    assert_read(column, (60.0, 16.0), heights, np.linspace(60.0, 114.0, 19))
