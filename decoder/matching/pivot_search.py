@@ -10,7 +10,7 @@ only turned.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Self
@@ -24,8 +24,8 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.matching.correlation import noise_between, turned_correlation
 from decoder.matching.needle_template import odd_rows
-from decoder.matching.thresholds import FAR_GAIN, FAR_PART, MUCH_BETTER, REACH_PART
-from decoder.panel.arrays import Floats, limited
+from decoder.matching.thresholds import FAR_GAIN, FAR_PART, MIN_VIEWS, REACH_PART
+from decoder.panel.arrays import Floats, Mask, limited
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.thresholds import NOISE_LEVELS
 
@@ -36,10 +36,12 @@ Score = Callable[[Floats], Floats]
 # At this resolution a needle that is askew by a fiftieth of the radius still shows.
 ROW_DEG, COLUMNS = 1.0, 16
 CARD_COLUMNS = 32
-# A part of ridges that is of noise, lies beside axes and is left around any pivot.
-RIDGES_LEAVE = 0.25
 # Ridges are half as far apart as this, since hardly any needle is as wide.
 WIDEST_DEG = 12.0
+# Parts of an axis are one axis if they are hardly further apart than their rows.
+GAP_ROWS = 2
+# Axes of many frames in one such sector tell about the same.
+SECTOR_DEG = 10.0
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
@@ -56,7 +58,7 @@ ELSEWHERE = 3
 
 
 def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
-    """Search for the pivot of a gauge's needles: what moves in frames (R, C) lies along radii around it.
+    """Search for the pivot of a gauge's needles, where the straight ridges of what moves in frames (R, C) cross.
 
     A needle that hardly turns does not tell where along it the pivot is; it is then taken to be as far along it as it
     is drawn.
@@ -65,34 +67,29 @@ def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | 
     -------
     (x, y) from the centre, pixels in the dial's own plane; None if frames show none that is far from it.
     """
-    if not strips:
-        return None
     radius_px = float(grid.radii_px[-1])
-    rings = _Rings.around_drawn(grid, _ridges(grid, strips), np.linspace(grid.inner_px, radius_px, COLUMNS))
-
-    def along(offset_px: Floats) -> float:
-        return _along_radii(rings.around(offset_px), rings.radii_px)
-
-    def score(offsets_px: Floats) -> Floats:
-        return np.array([along(offset_px) for offset_px in offsets_px]) / (1.0 + RIDGES_LEAVE)
-
-    found = _best(score, radius_px, REACH_PART * radius_px, most_left=MUCH_BETTER)
+    lines = _AxisLines.of(_axes_seen(grid, strips), radius_px)
+    if len(lines.places_px) < MIN_VIEWS:
+        return None
+    found = _best(lines.share_through, radius_px, REACH_PART * radius_px, near_part=0.0, most_left=HALF)
     if found is None:
         return None
-    told = _told(rings, np.array(found), 1.0 - along(np.array(found)))
-    (left,), (drawn,) = (1.0 - score(each[None]) for each in (told, np.zeros(2)))
-    if left > MUCH_BETTER * drawn or math.hypot(*told) < FAR_PART * radius_px:
+    told = lines.told(np.array(found))
+    left, drawn = (1.0 - lines.share_through(np.stack([told, np.zeros(2)]))).tolist()
+    if left > HALF * drawn or math.hypot(*told) < FAR_PART * radius_px:
         return None
     return float(told[0]), float(told[1])
 
 
-def _ridges(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> list[Floats]:
-    """(R, C) for some frames: the ridges of what moves, 1 where it is brighter than usual, -1 where darker.
+def _axes_seen(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> list[Floats]:
+    """(N, 2) for each ridge of what moves in some frames: its pixels, in the dial's own plane.
 
-    A needle's ridge is its axis, however wide the needle is and however it tapers. A needle that was beside its place
-    by less than its width in most frames shows by a part of itself only: ridges near what has also been of the opposite
-    sign are left out.
+    A needle's ridge is its axis, however wide the needle is and however it tapers. It falls off on both sides, or it
+    is the edge of something wide. A needle that was beside its place by less than its width in most frames shows by a
+    part of itself only: ridges near what has also been of the opposite sign are left out.
     """
+    if not strips:
+        return []
     seen = np.stack(_spread(strips, MOST_FRAMES))
     fine = math.ceil(ROW_DEG / grid.step_deg), math.ceil(seen.shape[2] / COLUMNS)
     moving = np.stack([np.asarray(cv2.blur(each, fine[::-1]), np.float32) for each in seen - median_of(seen)])
@@ -100,39 +97,99 @@ def _ridges(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> list[Floats]:
     near, around = np.ones((reach, 1), np.uint8), np.ones((2 * reach - 1, 1), np.uint8)
     brightest, darkest = (cv2.dilate(np.maximum(each, 0.0), around) for each in (moving.max(0), -moving.min(0)))
     least = max(HALF * HALF * float(np.median(np.abs(moving).max(axis=(1, 2)))), 3 * NOISE_LEVELS)
-    ridges = []
+    axes = []
     for each in moving:
         height = np.abs(cv2.GaussianBlur(each, (1, reach), sigmaX=1.0, sigmaY=ROW_DEG / grid.step_deg))
         opposite = np.where(each > 0.0, darkest, brightest)
+        beside = np.maximum(*(cv2.erode(height, near, anchor=(0, end)) for end in (0, reach - 1)))
         is_ridge = (height >= cv2.dilate(height, near)) & (height > least) & (opposite < HALF * height)
-        thin = np.where(is_ridge, np.sign(each), 0.0).astype(np.float32)
-        blurred = cv2.GaussianBlur(thin, (1, reach), sigmaX=1.0, sigmaY=ROW_DEG / grid.step_deg)
-        ridges.append(np.asarray(blurred, np.float32))
-    return ridges
+        is_ridge &= beside < HALF * height
+        axes += [axis for is_of in (each > 0.0, each < 0.0) for axis in _connected(grid, is_ridge & is_of)]
+    return axes
 
 
-def _along_radii(rings: Floats, radii_px: Floats) -> float:
-    """Return how well ridges (F, A, N) lie along radii: 1 if each circle shows the same, by Minkowski's inequality."""
-    along = np.square((rings * radii_px).sum(axis=2)).sum()
-    most = np.square((np.sqrt(np.square(rings).sum(axis=1)) * radii_px).sum(axis=1)).sum()
-    return float(along / max(most, np.finfo(np.float32).eps))
+def _connected(grid: PolarGrid, is_ridge: Mask) -> Iterator[Floats]:
+    """(N, 2) for each part of ridges (R, C) that is connected, but for gaps of a few degrees: its pixels."""
+    thin = is_ridge.astype(np.uint8)
+    gap = 2 * math.ceil(GAP_ROWS * ROW_DEG / grid.step_deg) + 1
+    count, parts = cv2.connectedComponents(cv2.dilate(thin, np.ones((gap, 3), np.uint8)))
+    rows, columns = np.nonzero(thin)
+    labels = parts[rows, columns]
+    angles = np.radians(grid.start_deg + grid.step_deg * rows)
+    radii_px = grid.inner_px + (columns - grid.tail_columns) * grid.column_px
+    places_px = np.stack([radii_px * np.cos(angles), radii_px * np.sin(angles)], axis=1)
+    for label in range(1, count):
+        yield places_px[labels == label]
 
 
-def _told(rings: _Rings, offset_px: Floats, left: float) -> Floats:
-    """(2,): the part of an offset that ridges around it tell, of which the part `left` does not lie along radii.
+@dataclass(frozen=True, slots=True)
+class _AxisLines:
+    """Straight lines along which frames show needles' axes."""
 
-    Each ridge tells the offset across it. Along ridges of about one direction, what is left tells as much as they do.
-    """
-    seen = np.square(rings.around(offset_px)).sum(axis=0)
-    total = np.maximum(seen.sum(axis=1), np.finfo(np.float32).eps)
-    middle_px = (seen @ rings.radii_px) / total
-    told = (seen * np.square(rings.radii_px - middle_px[:, None])).sum(axis=1)  # a short ridge tells little
-    across_it = np.stack([-np.sin(rings.angles), np.cos(rings.angles)])
-    (least, most), axes = np.linalg.eigh((across_it * told) @ across_it.T)
-    if least > HALF * left * most:
-        return offset_px
-    surest: Floats = axes[:, 1] * (axes[:, 1] @ offset_px)
-    return surest
+    places_px: Floats
+    """(N, 2): the middle of each, from the centre."""
+    along: Floats
+    """(N, 2): unit vectors."""
+    lengths_px: Floats
+    scatter_px: Floats
+    """(N,): how far a middle is known to be on its line, from the scatter of the ridge about it."""
+    weights: Floats
+    """(N,), of sum 1: the length, of many at about the same place as the root of their number."""
+    radius_px: float
+
+    @classmethod
+    def of(cls, axes: Sequence[Floats], radius_px: float) -> Self:
+        """Fit a line to each axis that is long enough, whatever else its ridge runs into."""
+        fitted = [line for line in map(_fitted_line, axes) if line[4] > REACH_PART * radius_px]
+        places_x, places_y, along_x, along_y, lengths_px, scatter_px = np.array(fitted).reshape(-1, 6).T
+        sectors = np.floor(np.degrees(np.arctan2(places_y, places_x)) / SECTOR_DEG)
+        weights = np.sqrt([1.0 / lengths_px[sectors == sector].sum() for sector in sectors]) * lengths_px
+        return cls(
+            np.stack([places_x, places_y], axis=1),
+            np.stack([along_x, along_y], axis=1),
+            lengths_px,
+            scatter_px,
+            weights / max(weights.sum(), np.finfo(float).tiny),
+            radius_px,
+        )
+
+    def share_through(self, offsets_px: Floats) -> Floats:
+        """(M,): the share of lines that pass through points (M, 2)."""
+        share: Floats = self._passing(offsets_px) @ self.weights
+        return share
+
+    def told(self, offset_px: Floats) -> Floats:
+        """(2,): the part of an offset that lines through it tell; lines of about one direction tell what is across."""
+        passing = self.weights * self._passing(offset_px[None])[0]
+        across = np.stack([-self.along[:, 1], self.along[:, 0]])
+        (least, _), axes = np.linalg.eigh((across * passing) @ across.T)
+        ahead, aside = axes.T @ offset_px
+        if FAR_PART * self.radius_px * math.sqrt(np.square(passing).sum()) > abs(ahead) * math.sqrt(max(least, 0.0)):
+            ahead = 0.0
+        told: Floats = axes @ [ahead, aside]
+        return told
+
+    def _passing(self, offsets_px: Floats) -> Floats:
+        """(M, N): 1 where a line passes through a point, less the further it passes beside it, for all it is known."""
+        away = offsets_px[:, None] - self.places_px
+        beside_px = away[..., 0] * self.along[:, 1] - away[..., 1] * self.along[:, 0]
+        askew = np.hypot(away[..., 0], away[..., 1]) / self.lengths_px
+        known_px = np.hypot(FAR_PART * self.radius_px, self.scatter_px * np.sqrt(1.0 + 12.0 * askew**2))
+        passing: Floats = np.exp(-0.5 * np.square(beside_px / known_px))
+        return passing
+
+
+def _fitted_line(axis_px: Floats) -> tuple[float, ...]:
+    """Fit a line to pixels (N, 2) of a ridge: its middle x, y, its direction x, y, its length and its scatter."""
+    weights = np.ones(len(axis_px))
+    for _ in range(4):
+        middle = weights @ axis_px / weights.sum()
+        about = axis_px - middle
+        _, axes = np.linalg.eigh((about.T * weights) @ about)
+        off = about @ axes[:, 0]
+        spread = max(1.4826 * float(np.median(np.abs(off))), 0.2)
+        weights = 1.0 / (1.0 + (off / (2.0 * spread)) ** 2)
+    return (*middle, *axes[:, 1], np.ptp(about @ axes[:, 1]), spread / math.sqrt(max(len(axis_px) / 3, 1.0)))
 
 
 def drawn_needles_deg(

@@ -20,7 +20,7 @@ The score below which a needle is missing is `SCORE_THRESHOLD` in `registration/
 | MAX_STEPS | 4 | windows | after this many moves a window is lost | each moves a row or more |
 | SETTLED_ROWS | 0.2 | rows | two needles that move less have converged | a fifth of what a sliver is read to |
 | SHOWN_PIXELS | 3.0 | original pixels | a lower needle that shows this much can be read | drawn |
-| MUCH_BETTER | 0.8 | of what another leaves | a pair may leave at most this part of its upper needle's, a card's turn of any other's, needles' pivot of the drawn one's | drawn; a stranger's radio compass has 0.72 |
+| MUCH_BETTER | 0.8 | of what another leaves | a pair may leave at most this part of its upper needle's, a card's turn of any other's | drawn; a stranger's radio compass has 0.72 |
 | SLIVER_THRESHOLD | 0.85 | NCC | required of a sliver: with few pixels it must match better than a whole needle | drawn |
 | MIN_PAIR_CORRELATION | 0.98 | NCC | required to read two needles, since it may be glare | drawn |
 | REACH_PART | 0.12 | of the radius | how far from where they are drawn pivots are searched for | an ordinary hand |

@@ -108,6 +108,35 @@ def test_pivot_of_hands_that_look_alike_is_found(part: float, towards_deg: float
     )
 
 
+def short_and_at_the_rim(angles_deg: tuple[float, float], seed: int) -> Any:  # noqa: ANN401 - a picture
+    """A dial with a short hand and one of which only the end near the rim shows, as a clock's hour and second hands."""
+
+    def what(canvas: Any) -> None:  # noqa: ANN401
+        canvas.dial(TICKS_DEG)
+        canvas.hand(Hand(tip=36.0), angles_deg[0])
+        canvas.bar(angles_deg[1], (46.0, 66.0), (1.5, 1.5), 230.0)
+
+    return paint(what, seed=seed)
+
+
+@pytest.mark.parametrize("towards_deg", [30.0, 200.0])
+def test_hands_that_no_circle_crosses_together_tell_their_pivot(towards_deg: float) -> None:
+    """Each circle around the pivot shows one of them at most, but the lines along which they lie cross there."""
+    needles = [
+        {"name": "hour", "template": {"at": 160.0, "span": 16}},
+        {"name": "second", "template": {"at": 330.0, "span": 16}},
+    ]
+    gauge = drawn_beside({**GAUGE, "radius": [12, 70], "needles": needles}, 0.08, towards_deg)
+    turns_deg = [(260.0 + 130.0 * math.sin(0.9 * step), 270.0 + 130.0 * math.cos(0.7 * step)) for step in range(16)]
+    frames = [short_and_at_the_rim(angles_deg, 50 + seed) for seed, angles_deg in enumerate(turns_deg)]
+    fitted = fit_to_flight(reader_for([gauge], short_and_at_the_rim((160.0, 330.0), 1)), lambda _: frames)
+    towards = math.radians(towards_deg)
+
+    assert np.array(fitted.moved_px["speed"]) == pytest.approx(
+        -0.08 * RADIUS_PX * np.array([math.cos(towards), math.sin(towards)]), abs=0.7
+    )
+
+
 @pytest.mark.parametrize("beside_deg", [0.0, 90.0, 225.0])
 def test_needle_that_hardly_turns_does_not_lead_its_centre_away(beside_deg: float) -> None:
     """It tells too little of where it turns; the centre gets hardly worse than it was drawn."""
