@@ -5,7 +5,7 @@ which is all that frames carry unless asked for more, does not show it. Red alon
 gauge are mixed before they are resampled, so that whatever learns and reads sees one grey picture in either case.
 
 JPEG and video have one colour sample for each two by two pixels. A mixture must separate what moves twice as clearly as
-luma to be better wherever it is read.
+luma to be better wherever it is read. A window is read in one colour alone: what shines in it adds light to that.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import Mixture
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
-from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper, row_of_angle
+from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper, WindowGrid, row_of_angle
 from decoder.instruments.thresholds import CLEARLY_WORSE
 from decoder.matching.faces import in_light_of
 from decoder.matching.thresholds import MIN_VIEWS
@@ -54,12 +54,8 @@ def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
 
 
 def rows_shown(gauge: Gauge, grid: Grid) -> list[Mask]:
-    """(R,) each: the rows of a dial that have to show something: as `needle_rows`, or all where no needle is drawn.
-
-    None for a window.
-    """
-    rows = needle_rows(gauge, grid)
-    return rows or ([np.ones(grid.rows, bool)] if isinstance(grid, PolarGrid) else [])
+    """(R,) each: the rows that have to show something: as `needle_rows`, or all of a window or where none is drawn."""
+    return needle_rows(gauge, grid) or [np.ones(grid.rows, bool)]
 
 
 def in_panels_colours(source: PanelPictures) -> PanelPictures:
@@ -101,7 +97,46 @@ def shows_colour(drawn: Floats, rows: Sequence[Mask]) -> bool:
     return any(float(beside[its].std(axis=(0, 1)).max()) > NOISE_LEVELS for its in rows)
 
 
-def best_mixture(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask]) -> Mixture | None:
+def changes_in_luma(grid: Grid, drawn: Floats, seen: Sequence[Floats]) -> bool:
+    """Whether luma shows more change of a gauge than noise explains, given as for `mixtures_for`."""
+    luma = _clearness(grid, drawn, seen, (), LUMA)
+    return max(luma) > CLEARLY_WORSE
+
+
+def mixtures_for(gauge: Gauge, grid: Grid, drawn: Floats, seen: Sequence[Floats]) -> list[Mixture]:
+    """List what a gauge may be read in: a window in one colour alone, to which what shines in it adds light.
+
+    `drawn` (R, C, 3) is the gauge in the panel picture, and `seen` the same in some frames.
+    """
+    if isinstance(grid, PolarGrid):
+        return list(mixtures())
+    alone = Mixture(1, 0, 0), Mixture(0, 1, 0), Mixture(0, 0, 1)
+    brightens = gauge.kind.brightens
+    return [each for each in alone if brightens is None or _brightens(grid, drawn, seen, each.parts) == brightens]
+
+
+def _brightens(grid: WindowGrid, drawn: Floats, seen: Sequence[Floats], parts: NDArray[np.float64]) -> bool:
+    """Whether a window that differs most from the panel picture's in the same light is brighter."""
+    own = drawn @ parts
+    apart = [float((view - own)[grid.within].mean()) for view in _in_light(grid, own, [each @ parts for each in seen])]
+    return max(apart, key=abs, default=0.0) > 0.0
+
+
+def _in_light(grid: Grid, own: Floats, seen: Sequence[Floats]) -> list[Floats]:
+    """(R, C) for each frame that is lit well enough: a gauge in the light that it is in in the panel picture.
+
+    What is around a window tells that light, since a lamp is most of what its window shows.
+    """
+    if isinstance(grid, WindowGrid) and grid.margin:
+        around = np.ones(own.shape, bool)
+        around[grid.within] = False
+        return [each * float(own[around].mean() / max(each[around].mean(), 1.0)) for each in seen]
+    return [view for view in in_light_of(own, seen) if view is not None]
+
+
+def best_mixture(
+    grid: Grid, drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], choice: Sequence[Mixture]
+) -> Mixture | None:
     """Choose the mixture that separates what moves clearly better than luma; None if there is none.
 
     Parameters
@@ -113,9 +148,11 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask])
     needles
         As `needle_rows`: the one that luma shows least clearly counts, and no other may be less clear than it was; if
         that is clear, so do the two that it tells apart least. Without any, all that changes between frames.
+    choice
+        As `mixtures_for`.
     """
-    luma = _clearness(drawn, seen, needles, LUMA)
-    told = {mixture: _clearness(drawn, seen, needles, mixture.parts) for mixture in mixtures()}
+    luma = _clearness(grid, drawn, seen, needles, LUMA)
+    told = {mixture: _clearness(grid, drawn, seen, needles, mixture.parts) for mixture in choice}
     count = len(needles) or 1
     for part in (slice(0, count), slice(count, len(luma))):
         dimmest = part.start + int(np.argmin(luma[part])) if luma[part] else 0
@@ -131,16 +168,17 @@ def best_mixture(drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask])
 
 
 def _clearness(
-    drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]
+    grid: Grid, drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]
 ) -> list[float]:
     """Return the contrast of each needle against the usual dial, and of any two; or of all that moves.
 
     In sigmas of noise: each colour has at least that of sensors and JPEGs, or more if the stillest part of the dial
-    differs by more.
+    differs by more. All that moves is a small part of all pixels: where noise alone moves, it is as clear as what
+    just counts as clear.
     """
     weights = parts.astype(np.float32)
     own = drawn @ weights
-    views = [view for view in in_light_of(own, (each @ weights for each in seen)) if view is not None]
+    views = _in_light(grid, own, [each @ weights for each in seen])
     if len(views) < MIN_VIEWS:
         return [0.0] * (math.comb(len(needles) + 1, 2) or 1)
     usual = median_of(np.stack(views))
@@ -148,7 +186,7 @@ def _clearness(
     spread = MAD_TO_SIGMA * float(np.quantile(np.median(np.abs(left), axis=0), STILL_PART))
     noise = float(np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts)))
     shown = [(own - usual)[its] for its in needles]
-    moves = [*shown, *(_difference(*both) for both in combinations(shown, 2))] or [left]
+    moves = [*shown, *(_difference(*both) for both in combinations(shown, 2))] or [CLEARLY_WORSE * left]
     return [math.sqrt(float(np.mean(each**2))) / noise for each in moves]
 
 

@@ -379,11 +379,16 @@ def _may_be_cut(gauge: Gauge) -> bool:
 
 
 def appearance_from_panel(
-    drawn: UnwrappedPanel, known: Appearance | None = None, stay: Collection[int] = ()
+    drawn: UnwrappedPanel,
+    known: Appearance | None = None,
+    *,
+    stay: Collection[int] = (),
+    otherwise: Collection[int] = (),
 ) -> Appearance:
     """Let each instrument's kind take its look from the panel's own pictures.
 
-    Windows keep what is `known`, and so do the dials without needles that `stay`, by their indices.
+    Windows keep what is `known`, but for those that are seen `otherwise` than before, by their indices; dials do not,
+    but for those without needles that `stay`.
 
     Raises
     ------
@@ -397,7 +402,8 @@ def appearance_from_panel(
         is_cut = _may_be_cut(gauge) or known is not None
         check = drawn.source.check_shows_half if is_cut else drawn.source.check_shows
         check(rim, f"gauges[{index}]")
-        if known is not None and (index in stay or not isinstance(grid, PolarGrid)):
+        is_known = not isinstance(grid, PolarGrid) and index not in otherwise
+        if known is not None and (index in stay or is_known):
             looks.append(known.look_of(index, gauge))
             kept.add(index)
         else:

@@ -53,7 +53,7 @@ from decoder.learning.pivots import (
     lifts_missing,
 )
 from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces
-from decoder.learning.thresholds import LOOKED_AT, MOST_MARK_PART
+from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
@@ -262,7 +262,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     placed = as_sharp_as_frames(placed, samples)
     begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
-    coloured = in_best_colours(placed, lost, sample(LOOKED_AT))
+    coloured = in_best_colours(placed, lost, sample)
     starts = _middles_of_marks(gauges, begun.paths, last.found)
     before = last.found
     # Less is often missing for what lies over a dial.
@@ -559,7 +559,7 @@ def _redrawn(
         for index, (gauge, plane, was, where) in enumerate(zip(gauges, planes, *before, strict=True))
         if not gauge.turning and (gauge, plane) == (was, where)
     ]
-    appearance = appearance_from_panel(unwrapped, reader.appearance, stay)
+    appearance = appearance_from_panel(unwrapped, reader.appearance, stay=stay)
     return PanelReader.of(source, method, appearance, placement, unwrapped)
 
 

@@ -5,16 +5,24 @@ A flight that is all read in luma never decodes its colours, so they cost nothin
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from decoder.imaging.picture_block import TopOfFrame
 from decoder.imaging.pictures import FramePicture, GreyPicture
-from decoder.imaging.unwrapping import Unwrapper
-from decoder.instruments.colours import best_mixture, needle_rows, rows_shown, shows_colour
+from decoder.imaging.unwrapping import Unwrapper, WindowGrid
+from decoder.instruments.colours import (
+    best_mixture,
+    changes_in_luma,
+    mixtures_for,
+    needle_rows,
+    rows_shown,
+    shows_colour,
+)
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, taken
+from decoder.learning.thresholds import LOOKED_AT, SAMPLE_FRAMES
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
 from decoder.registration.frame_placer import UnwrappedPanel
@@ -22,34 +30,41 @@ from decoder.registration.frame_placer import UnwrappedPanel
 Frame = GreyPicture | FramePicture | TopOfFrame
 
 
-def in_best_colours(reader: PanelReader, lost: Sequence[int], frames: Iterable[Frame]) -> PanelReader:
+def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[int], Iterable[Frame]]) -> PanelReader:
     """Let gauges be read in the grey that shows best what moves; return the same reader if nothing changes.
 
     Parameters
     ----------
     lost
-        The gauges that may not be visible as they are read now; the others stay as they are.
-    frames
-        A few of the flight.
+        The gauges that may not be visible as they are read now. Others stay as they are, but for windows in which that
+        grey shows no change at all: a lamp that turns from green to red is read without a doubt, and never lit.
+    sample
+        Gives frames of the flight: a few show what turns; a lamp is lit in some frames only.
     """
     source = reader.source
     gauges, grids = source.panel.gauges, reader.grids
-    rows = {index: its for index in lost if (its := rows_shown(gauges[index], grids[index]))}
+    windows = [index for index, grid in enumerate(grids) if isinstance(grid, WindowGrid)]
+    rows = {index: rows_shown(gauges[index], grids[index]) for index in sorted({*lost, *windows})}
     if not rows or not source.encoded:
         return reader
     drawn = dict(zip(rows, _panels_colours(reader, list(rows)), strict=True))
     coloured = [index for index in rows if shows_colour(drawn[index], rows[index])]
-    seen = _seen(reader, coloured, frames) if coloured else []
+    count = LOOKED_AT if set(coloured).isdisjoint(windows) else SAMPLE_FRAMES
+    seen = _seen(reader, coloured, sample(count)) if coloured else []
     before = source.mixtures or (None,) * len(grids)
     mixtures = list(before)
     for place, index in enumerate(coloured):
-        needles = needle_rows(gauges[index], grids[index])
-        best = best_mixture(drawn[index], [own[place] for own in seen], needles)
+        gauge, grid, frames = gauges[index], grids[index], [own[place] for own in seen]
+        choice = mixtures_for(gauge, grid, drawn[index], frames)
+        if index not in lost and changes_in_luma(grid, drawn[index], frames):
+            continue
+        best = best_mixture(grid, drawn[index], frames, needle_rows(gauge, grid), choice)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
         return reader
     panel = UnwrappedPanel(replace(source, mixtures=tuple(mixtures)), reader.drawn.aligner)
-    look = appearance_from_panel(panel, reader.appearance)
+    changed = {index for index, own in enumerate(mixtures) if own != before[index]}
+    look = appearance_from_panel(panel, reader.appearance, otherwise=changed)
     return PanelReader.of(panel.source, reader.method, look, reader.placement, panel)
 
 

@@ -164,6 +164,11 @@ class DescribedKind(Protocol):
     has_still_face: ClassVar[bool]
     """Whether its dial's marks stay where they are, so that the dial can be found by them."""
 
+    @property
+    def brightens(self) -> bool | None:
+        """Whether it is brighter than in the panel picture when it changes, or darker; None if it may be either."""
+        ...
+
     def check(self, dial: Dial) -> None:
         """Raise ValueError if it does not go with its dial."""
         ...
@@ -231,6 +236,11 @@ class Plain:
     in_window: ClassVar[bool] = False
     margin_part: ClassVar[float] = 0.0
     has_still_face: ClassVar[bool] = False
+
+    @property
+    def brightens(self) -> bool | None:
+        """Return None."""
+        return None
 
     def pointers(self) -> tuple[Pointer, ...]:
         """Return none."""

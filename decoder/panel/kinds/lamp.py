@@ -37,6 +37,11 @@ class Lamp(Windowed, Strict):
     )
     margin_part: ClassVar[float] = 0.5
 
+    @property
+    def brightens(self) -> bool:
+        """Return whether it lights up, which a lamp that is dark in the panel picture does."""
+        return not self.lit
+
     def check(self, _: Dial) -> None:
         """ValueError where both columns have one name."""
         if self.name == self.light:

@@ -188,6 +188,56 @@ def test_horizon_as_bright_as_its_sky_is_read_in_its_colours() -> None:
         )
 
 
+LAMP = {"name": "gen", "window": [[150, 110], [174, 110], [174, 126], [150, 126]], "lamp": {"name": "gen_fail_on"}}
+FLAPS = {
+    "name": "flaps",
+    "window": [[40, 20], [64, 20], [64, 160], [40, 160]],
+    "unit": "deg",
+    "linear": {"name": "flap_deg", "moves": "down", "at": 120, "span": 14, "marks": [[150, 0], [30, 40]]},
+}
+GREEN: Colour = (0.0, 120.0, 20.0)  # 73 levels of luma, and 74
+RED_LIGHT: Colour = (200.0, 22.0, 10.0)
+
+
+def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0) -> bytes:
+    """A JPEG of a red pointer on a teal track as bright, and of a lamp that is green, or red and as bright."""
+
+    def plane(place: int) -> np.ndarray:
+        canvas = Canvas()
+        canvas.polygon([(34, 14), (70, 14), (70, 166), (34, 166)], 110.0)
+        canvas.polygon([(40, 20), (64, 20), (64, 160), (40, 160)], TEAL[place])
+        for mark in range(30, 160, 15):
+            canvas.polygon([(40, mark - 0.6), (45, mark - 0.6), (45, mark + 0.6), (40, mark + 0.6)], 200.0)
+        y = 150.0 - 3.0 * flap_deg
+        canvas.polygon([(46, y), (58, y - 4.0), (58, y + 4.0)], RED[place])
+        canvas.polygon([(145, 105), (179, 105), (179, 131), (145, 131)], 95.0)
+        canvas.polygon([(150, 110), (174, 110), (174, 126), (150, 126)], (RED_LIGHT if is_red else GREEN)[place])
+        canvas.picture[:] = (canvas.picture * sun).astype(np.uint8)
+        return finished(canvas, noise=2.0, blur=0.7, quality=98, seed=3 * seed + place)
+
+    _, jpeg = cv2.imencode(".jpg", np.stack([plane(place) for place in (2, 1, 0)], axis=-1))
+    return jpeg.tobytes()
+
+
+def test_windows_in_which_luma_shows_no_change_are_read_in_their_colours() -> None:
+    """A lamp that turns from green to red was told to be off throughout, and a pointer to stay where it was drawn."""
+    flaps_deg = [20.0 + 18.0 * math.sin(0.4 * number) for number in range(24)]
+    red = [number // 5 % 2 == 1 for number in range(24)]
+    shown = zip(flaps_deg, red, strict=True)
+    jpegs = [
+        windows(flap, seed, is_red=is_red, sun=0.8 + 0.02 * (seed % 10))
+        for seed, (flap, is_red) in enumerate(shown, start=1)
+    ]
+    fitted = fitted_of([LAMP, FLAPS], windows(10.0, 0, is_red=False), jpegs)
+    read = [each.readings for each in read_of(fitted, jpegs)]
+    scale = Scale.of(fitted.panel.gauges[1].quantities[0].marks)
+
+    assert all(own.status is Status.READ for each in read for own in each.values())
+    assert [each["gen_fail_on"].angle_deg == 1.0 for each in read] == red
+    assert scale.values_at(np.array([each["flap_deg"].angle_deg for each in read])) == pytest.approx(flaps_deg, abs=0.3)
+    assert [fitted.findings[name][0][:11] for name in ("gen", "flaps")] == ["read in red"] * 2
+
+
 @pytest.mark.parametrize("face", [TEAL, GREY], ids=["teal", "grey"])
 def test_needle_that_shows_in_luma_is_read_in_luma(face: Colour) -> None:
     """Colours do not help with a white needle, and nothing is decompressed for them."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -173,7 +174,7 @@ def _taught_by(drawn: DrawnInstrument, place: int) -> UnwrappedGauge:
         raise PanelError(f"{path}.window", str(error)) from error
     if not inside(grid.rim(), optics, width, height):
         raise PanelError(path, f"has a window outside its {width} x {height} picture; check where it is drawn")
-    return Unwrapper([grid]).unwrap(picture, optics)[0]
+    return Unwrapper([grid]).unwrap(picture, optics, partial(source.in_colour, taught.picture))[0]
 
 
 def _is_near(corners: Corners, found: Alignment, window: WindowGrid) -> bool:
