@@ -76,7 +76,8 @@ def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | 
         return None
     told = lines.told(np.array(found))
     left, drawn = (1.0 - lines.share_through(np.stack([told, np.zeros(2)]))).tolist()
-    if left > HALF * drawn or math.hypot(*told) < FAR_PART * radius_px:
+    # Lines of a small dial are no surer than to a pixel; what is nearer is left to tilts there, too.
+    if left > HALF * drawn or math.hypot(*told) < max(FAR_PART * radius_px, 1.0):
         return None
     return float(told[0]), float(told[1])
 
