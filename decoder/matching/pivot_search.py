@@ -359,7 +359,7 @@ class _Rings:
 
 def _alike(rings: Floats) -> float:
     """Return how well pairs of F frames (F, angles, radii) match if one is turned: the mean of their best NCCs."""
-    scores = turned_correlation(rings, noise_between(rings)).max(axis=2)
+    scores = turned_correlation(rings, noise_between(rings), is_mutual=False).max(axis=2)
     return float(scores[np.triu_indices(len(rings), 1)].mean())
 
 

@@ -13,7 +13,7 @@ instead (an aircraft symbol, the frame, a reflection) is smeared out by that, an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.planes import Squeeze
-from decoder.imaging.sorting import MAD_TO_SIGMA
+from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
 from decoder.instruments.appearance import (
@@ -273,6 +273,16 @@ class Ring(Protocol):
         ...
 
 
+_View = tuple[UnwrappedGauge, Turned | None]
+"""A gauge (R, C), and how far its ring has turned, if it has one."""
+
+
+def _views(own: Attitudes, strips: Iterable[UnwrappedGauge], ring: Ring | None) -> Iterator[_View]:
+    """Read the ring in each frame (R, C): however often its horizon is looked at, it turns alike."""
+    for strip in strips:
+        yield strip, None if ring is None else ring.turn(strip[:, own.ring])
+
+
 class AttitudeReader:
     """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if there is one."""
 
@@ -282,17 +292,16 @@ class AttitudeReader:
 
     def read(self, strips: Floats) -> list[tuple[Reading, Reading]]:
         """Read roll and pitch in F frames of the gauge: (F, R, C) float32."""
-        return [self._readings(self.seen(strip)) for strip in strips]
+        return [self._readings(self.seen(view)) for view in _views(self._own, strips, self._ring)]
 
-    def seen(self, strip: UnwrappedGauge) -> Seen:
-        """Find ring and horizon in a gauge (R, C)."""
-        turn_part = self._own.own.horizon_turn
-        if self._ring is None:
+    def seen(self, view: _View) -> Seen:
+        """Find the horizon in a gauge whose ring has been read."""
+        (strip, turn), turn_part = view, self._own.own.horizon_turn
+        if turn is None:
             sight = self._horizon.sight(strip, None)
             ring_deg = (sight.place.turned_deg - self._origin.turned_deg) / turn_part
             is_sure = sight.is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
             return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, is_sure, sight)
-        turn = self._ring.turn(strip[:, self._own.ring])
         step_deg = self._own.grid.step_deg
         ring_deg = float(in_turn(np.array(turn.rows * step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
         sight = self._horizon.sight(strip, self._origin.turned_deg + turn_part * ring_deg)
@@ -381,7 +390,7 @@ class _HorizonReader:
             - _at(self._picture.horizon, self._cells(sight.place, 1))
             for strip, sight in views
         ]
-        spread = MAD_TO_SIGMA * np.median(np.abs(apart), axis=0)
+        spread = MAD_TO_SIGMA * median_of(np.abs(apart))
         weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(spread - NOISE_LEVELS, 0.0) ** 2)
         return np.asarray(weights, np.float32)
 
@@ -554,21 +563,20 @@ def learn_attitude(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
     """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice."""
-    if ring is not None and own.is_odd and _has_banked(own, strips, ring):
-        return _learn_with_law(own, strips, given, ring)
-    return _put_together(own, strips, given, ring, ROUNDS)
+    views = list(_views(own, strips, ring))
+    if ring is not None and own.is_odd and _has_banked(own, views):
+        return _learn_with_law(own, views, given, ring)
+    return _put_together(own, views, given, ring, ROUNDS)
 
 
-def _has_banked(own: Attitudes, strips: Sequence[UnwrappedGauge], ring: Ring) -> bool:
-    """Whether the ring has turned far enough in frames (R, C) to tell how the horizon shifts in a bank."""
-    rows = [ring.turn(strip[:, own.ring]).rows for strip in strips]
+def _has_banked(own: Attitudes, views: Sequence[_View]) -> bool:
+    """Whether the ring has turned far enough in frames to tell how the horizon shifts in a bank."""
+    rows = [turn.rows for _, turn in views if turn is not None]
     return len(rows) >= FRAMES_TO_LEARN and arc_deg(rows, own.ring_grid) >= MIN_TURN_DEG
 
 
-def _learn_with_law(
-    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring
-) -> AttitudePicture:
-    """Learn it from frames (R, C), and how much the direction of its shift turns with the ring.
+def _learn_with_law(own: Attitudes, views: Sequence[_View], given: AttitudePicture, ring: Ring) -> AttitudePicture:
+    """Learn it from frames, and how much the direction of its shift turns with the ring.
 
     That is the law which leaves least of the frames unexplained, near the panel's. A law is tried with the picture that
     the best one so far has composed, of all frames: composed anew, or of fewer, it hangs on chance which one is best.
@@ -577,8 +585,8 @@ def _learn_with_law(
     def composed(parts: float, start: AttitudePicture, rounds: int) -> tuple[float, AttitudePicture]:
         law = own.own.shift_turn + parts * own.own.horizon_turn / LAW_PARTS
         moving = own.shifting(law)
-        picture = _put_together(moving, strips, replace(start, shift_turn=law), ring, rounds)
-        return _unexplained(moving, strips, picture, ring), picture
+        picture = _put_together(moving, views, replace(start, shift_turn=law), ring, rounds)
+        return _unexplained(moving, views, picture, ring), picture
 
     tried, best = {0: composed(0, given, ROUNDS)}, 0
     for step in LAW_STEPS:
@@ -598,14 +606,14 @@ def _learn_with_law(
     return given if learned.horizon is given.horizon else learned
 
 
-def _unexplained(own: Attitudes, strips: Sequence[UnwrappedGauge], picture: AttitudePicture, ring: Ring) -> float:
-    """Return the part of the horizon's variance that a picture leaves unexplained in frames (R, C), on average."""
+def _unexplained(own: Attitudes, views: Sequence[_View], picture: AttitudePicture, ring: Ring) -> float:
+    """Return the part of the horizon's variance that a picture leaves unexplained in frames, on average."""
     reader = AttitudeReader(own, picture, ring)
-    return float(np.mean([1.0 - reader.seen(strip).horizon.score ** 2 for strip in strips]))
+    return float(np.mean([1.0 - reader.seen(view).horizon.score ** 2 for view in views]))
 
 
 def _put_together(
-    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None, rounds: int
+    own: Attitudes, frames: Sequence[_View], given: AttitudePicture, ring: Ring | None, rounds: int
 ) -> AttitudePicture:
     """Compose it from frames, with one law of shifting.
 
@@ -616,7 +624,7 @@ def _put_together(
     known = given
     for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
-        sights = [(strip, reader.seen(strip).horizon) for strip in strips]
+        sights = [(frame[0], reader.seen(frame).horizon) for frame in frames]
         in_sight = [
             (strip, sight)
             for strip, sight in sights
