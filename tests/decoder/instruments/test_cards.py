@@ -122,8 +122,11 @@ def appears_deg(angle_deg: float, squeeze: Squeeze) -> float:
     return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0)
 
 
-@pytest.mark.parametrize("squeeze", [Squeeze(0.0225, 0.008), Squeeze(-0.015, 0.016)], ids=str)
-@pytest.mark.parametrize("off_px", [(0.0, 0.0), (0.5, -2.5), (2.0, 1.5)])
+@pytest.mark.parametrize(
+    ("squeeze", "off_px"),
+    [(Squeeze(0.0225, 0.008), (0.5, -2.5)), (Squeeze(-0.015, 0.016), (2.0, 1.5))],
+    ids=["above", "below"],
+)
 def test_squeeze_is_found_around_a_centre_that_is_drawn_off_the_pivot(
     squeeze: Squeeze, off_px: tuple[float, float]
 ) -> None:
@@ -139,7 +142,7 @@ def test_squeeze_is_found_around_a_centre_that_is_drawn_off_the_pivot(
     assert np.allclose(found.matrix, squeeze.matrix, atol=0.005)
 
 
-@pytest.mark.parametrize("squeeze", [Squeeze(0.02, 0.01), Squeeze(-0.03, 0.02), Squeeze(0.01, -0.06)], ids=str)
+@pytest.mark.parametrize("squeeze", [Squeeze(0.02, 0.01), Squeeze(0.01, -0.06)], ids=str)
 def test_card_seen_from_aside_is_squared_up_and_read(squeeze: Squeeze) -> None:
     """Drawn as if seen square on, it shows its marks out of step as it turns; nothing else is known of the view."""
     first, opposite = CARD["scale"]
@@ -177,6 +180,9 @@ def test_card_seen_from_aside_is_read_though_its_bug_stays_lost() -> None:
     fitted = fit_to_flight(reader_for([card], aside(panel, squeeze)), lambda _: frames)
 
     (gauge,) = fitted.panel.gauges
+    (found,) = fitted.squeezes
+    assert found is not None
+    assert np.allclose(found.matrix, squeeze.matrix, atol=0.01)
     for turn_deg in (31.0, 44.4, 140.0, 300.0):
         readings = read_picture(fitted.reader, aside(draw(turn_deg, 9), squeeze)).readings
         (value,) = Scale.of(gauge.scale, 360.0).values_at(np.array([readings["heading_deg"].angle_deg]))
