@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -53,6 +54,8 @@ FIRST_SHIFTS = (-2.0, 0.0, 2.0)
 FORGIVEN = 3.0  # sigma; pixels further off count less and less
 BELIEF = 2.0  # the weight of a first guess, in pixels
 DIFFERENCE = 1e-3
+# How many displays are remembered as they were found in a picture.
+KEPT = 64
 
 
 class Shape(NamedTuple):
@@ -214,10 +217,13 @@ def fitted(start: Segments, known: Sequence[Known], *, rounds: int = ROUNDS, eac
     own, damping = start, 1e-3
     for _ in range(rounds):
         fit.weigh(own)
+        here: Segments | None = None
         for _ in range(STEPS):
-            errors, slopes, cost = fit.slopes(own)
-            normal = slopes.T @ slopes + np.diag(fit.belief)
-            gradient = slopes.T @ errors + fit.belief * (own.vector() - fit.first)
+            if here is not own:
+                errors, slopes, cost = fit.slopes(own)
+                normal = slopes.T @ slopes + np.diag(fit.belief)
+                gradient = slopes.T @ errors + fit.belief * (own.vector() - fit.first)
+                here = own
             for _ in range(TRIES):
                 change = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
                 tried = start.at(own.vector() - change)
@@ -356,10 +362,26 @@ def found(
 ) -> tuple[Fitted, Mapping[str, str]]:
     """Find the segments in a picture (R, C) of the display, drawn around by hand, that shows `symbols`.
 
+    That takes seconds, and the same picture is asked about again whenever another part of its panel is drawn anew.
+
     Returns
     -------
     The fit, and the segments of those digits that can be drawn in several ways.
     """
+    picture, places = (strip.tobytes(), strip.dtype.str, strip.shape), tuple(map(tuple, cells.tolist()))
+    return _found(picture, tuple(symbols), places, tuple(points), margin)
+
+
+@lru_cache(maxsize=KEPT)
+def _found(
+    picture: tuple[bytes, str, tuple[int, ...]],
+    symbols: tuple[str, ...],
+    places: tuple[tuple[float, ...], ...],
+    points: tuple[int, ...],
+    margin: int,
+) -> tuple[Fitted, Mapping[str, str]]:
+    levels, kind, shape = picture
+    strip, cells = np.frombuffer(levels, kind).reshape(shape), np.array(places)
     several = sorted({symbol for symbol in symbols if len(SHAPES[symbol]) > 1})
     drawings = [dict(zip(several, ways, strict=True)) for ways in product(*(SHAPES[symbol] for symbol in several))]
     high, long = strip.shape[0] - 2 * margin, strip.shape[1] - 2 * margin
@@ -369,7 +391,7 @@ def found(
     blur = cv2.GaussianBlur(inner, (0, 0), BLUR * high).astype(np.float32)
     blurred = [Known(blur, known[0][0].lit)]
     starts = sorted(
-        _starts((high, long), cells, tuple(points), margin - outer),
+        _starts((high, long), cells, points, margin - outer),
         key=lambda start: _Fit(start, blurred).unexplained(start),
     )
     tries = [fitted(start, blurred, rounds=FIRST_ROUNDS, each=False).segments for start in starts[:STARTS]]
