@@ -91,14 +91,14 @@ def mark_angle_deg(picture: GreyPicture, drawn: DrawnPlane, click: XY) -> float:
 def _middle(light: Floats, place: float) -> float:
     """Find the middle of the bright mark at a place of a ring: each edge is where it is half as bright."""
     reach, places = round(OUTLINE_PX / MARK_STEP_PX), np.arange(len(light))
-    beside: dict[int, tuple[float, ...]] = {}
+    beside: dict[int, Floats] = {}
     for _ in range(MARK_ROUNDS):  # the likeliest place is biased towards the click; the outline around it is not
         middle = round(place)
         part = slice(max(middle - reach, 0), middle + reach + 1)
         peak = light[part].max()
         if middle not in beside:
             sides = light[: max(middle - reach, 1)], light[min(middle + reach, len(light) - 1) :]
-            beside[middle] = tuple(np.percentile(side, DIAL_PERCENTILE) for side in sides)
+            beside[middle] = np.array([np.percentile(side, DIAL_PERCENTILE) for side in sides])
         dial = np.where(places[part] < place, *beside[middle])
         weights = np.maximum((light[part] - dial) / np.maximum(peak - dial, 1e-6) - HALF, 0.0)
         if not weights.any():  # its surroundings are no darker, so there is no outline to refine it
