@@ -24,7 +24,7 @@ from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.frame_placer import UnwrappedFrame
-from decoder.registration.thresholds import LIKELY_SCORE
+from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 
 # Learned needles over learned faces usually score 0.99.
 EVENLY_LIT_SCORE = 0.97
@@ -118,13 +118,14 @@ def learn_likely_needles(
     """Learn gauges again from needles' likely matches, as long as each time fewer needles are missing.
 
     A frame with one missing needle teaches nothing about the dial below the others, and a needle that is over print in
-    only a few frames is missing until the dial there is known. What was found before must be found where it was. Return
-    the reader with its readings.
+    only a few frames is missing until the dial there is known. What was found before must be found where it was. A
+    needle that most frames lack is learned from these matches, too: it has no better ones. Return the reader with its
+    readings.
     """
     gauges = reader.source.panel.gauges
     of = {index for index, gauge in enumerate(gauges) if isinstance(reader.grids[index], PolarGrid)}
     while True:
-        likely = [{name: _as_likely(reading) for name, reading in readings.items()} for readings in found]
+        likely = _as_likely(gauges, found)
         of = {index for index in of if _missing(gauges[index], found) > _missing(gauges[index], likely)}
         if not of:
             return reader, found
@@ -185,10 +186,17 @@ def _missing_parts(gauge: Gauge, found: Sequence[Readings]) -> list[float]:
     return [sum(each) / max(len(found), 1) for each in missing]
 
 
-def _as_likely(reading: Reading) -> Reading:
-    """Treat a missing needle with a likely match as found."""
-    is_likely = reading.status is Status.MISSING and reading.score >= LIKELY_SCORE and math.isfinite(reading.angle_deg)
-    return replace(reading, status=Status.EDGE) if is_likely else reading
+def _as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:
+    """Treat missing needles with likely matches as found; those of gauges that are lost teach their looks as well."""
+    lost = {each.name for gauge in gauges if is_lost(gauge, found) for each in gauge.quantities}
+
+    def likely(name: str, reading: Reading) -> Reading:
+        if reading.status is not Status.MISSING or reading.score < LIKELY_SCORE or not math.isfinite(reading.angle_deg):
+            return reading
+        teaches = name in lost and reading.score >= SCORE_THRESHOLD
+        return replace(reading, status=Status.READ if teaches else Status.EDGE)
+
+    return [{name: likely(name, reading) for name, reading in readings.items()} for readings in found]
 
 
 def _missing(gauge: Gauge, found: Sequence[Readings]) -> int:
