@@ -22,6 +22,17 @@ from flight_file.documents import picture_header
 from flight_file.frame import NS_PER_S, Exif, Frame, HostTimes
 
 _MOST_BUFFERED_BYTES = 2 * 3 * 4896 * 3672  # coefficients of this camera's largest pictures in colour: 103 MiB
+# Exceptions seen from Pillow on damaged pictures; it takes the size from the last of several headers.
+_DAMAGE = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    ArithmeticError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    Image.DecompressionBombError,
+)
 _SHRUNK = (512, 512)  # decoded at an eighth: all of the coded data is read, little of the memory needed
 
 
@@ -50,7 +61,7 @@ def _decodes(jpeg: bytes) -> bool:
             with Image.open(io.BytesIO(jpeg), formats=("JPEG",)) as image:
                 image.draft("L", _SHRUNK)
                 image.load()
-    except (OSError, ValueError, SyntaxError, ArithmeticError, LookupError, TypeError, AttributeError):
+    except _DAMAGE:
         return False
     return True
 

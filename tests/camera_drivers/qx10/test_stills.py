@@ -32,6 +32,14 @@ NOW = 1_800_000_000 * S
 SHOTS = st.lists(st.tuples(st.integers(1, 10**4 * S), st.integers(0, 3 * S), st.floats(0, 1)), min_size=1, max_size=20)
 
 
+def with_header_of(size_px: tuple[int, int]) -> bytes:
+    """A picture whose header is followed by one of another size."""
+    start = JPEG.index(b"\xff\xc0")
+    end = start + 2 + int.from_bytes(JPEG[start + 2 : start + 4], "big")
+    width_px, height_px = size_px
+    return JPEG[:end] + JPEG[start : start + 5] + struct.pack(">HH", height_px, width_px) + JPEG[start + 9 :]
+
+
 def in_scans(*, more: int = 0, size_px: tuple[int, int] = (64, 48)) -> bytes:
     """A progressive picture of nothing, with its last scan repeated."""
     buffer = io.BytesIO()
@@ -52,13 +60,14 @@ def in_scans(*, more: int = 0, size_px: tuple[int, int] = (64, 48)) -> bytes:
         (b"<html>", "the picture is not a JPEG"),
         (JPEG.replace(struct.pack(">HH", 480, 640), struct.pack(">HH", 60000, 60000)), "larger than any"),
         (JPEG.replace(b"\xff\xdb", b"\xff\xee"), "the picture is damaged"),
+        (with_header_of((65000, 65000)), "the picture is damaged"),
         (in_scans(), ""),
         (in_scans() + in_scans(), ""),
         (in_scans(more=900), "coded in another way"),
         (in_scans(size_px=(8000, 8000)), "larger than any"),
     ],
     ids=[
-        *("whole", "padded", "two", "half", "last byte", "empty", "page", "bomb", "no tables"),
+        *("whole", "padded", "two", "half", "last byte", "empty", "page", "bomb", "no tables", "bomb behind a header"),
         *("progressive", "two progressive", "scans without end", "too large for the memory"),
     ],
 )
