@@ -139,7 +139,7 @@ def make_marks_folder(directory: Path) -> None:
     with suppress(FileExistsError):
         (directory / MARKS_FOLDER).mkdir()
         with _opened_folder(directory) as folder:
-            os.fchmod(folder, _FOLDER_MODE)  # mkdir would let the umask take the group's right away
+            _permit(folder, _FOLDER_MODE)
 
 
 def tidy_marks(directory: Path) -> Tidied:
@@ -282,8 +282,14 @@ def _append(mark: int, content: bytes) -> None:
 
 def _new_mark(name: str, folder: int) -> int:
     descriptor = os.open(name, _APPENDING | os.O_CREAT | os.O_EXCL, _MODE, dir_fd=folder)
-    os.fchmod(descriptor, _MODE)
+    _permit(descriptor, _MODE)
     return descriptor
+
+
+def _permit(descriptor: int, mode: int) -> None:
+    """Give what was just made these rights, of which the umask may have taken some; a memory stick knows none."""
+    with suppress(PermissionError):
+        os.fchmod(descriptor, mode)
 
 
 @click.command(

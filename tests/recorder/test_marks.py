@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import suppress
@@ -183,3 +184,17 @@ def test_mark_on_a_full_disk_keeps_without_its_note(disk: Disk) -> None:
     mark(disk.path, "bird strike")
 
     assert (disk.path / "marks" / "R_0001.mcap.keep").read_text() == "2018-05-04T12:00:00Z bird strike\n"
+
+
+@pytest.mark.usefixtures("writer")
+def test_mark_is_set_where_the_disk_knows_no_permissions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A memory stick refuses to give a file its rights: both segments are marked at once, with the note."""
+
+    def refuse(_descriptor: int, _mode: int) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    (tmp_path / "marks").rmdir()
+    monkeypatch.setattr(os, "fchmod", refuse)
+    found = mark(tmp_path, "bird strike")
+    assert found == marked(tmp_path) == ["R_0001.mcap", "R_0002.mcap.part"]
+    assert all("bird strike" in path.read_text("utf-8") for path in (tmp_path / "marks").iterdir())
