@@ -13,7 +13,7 @@ from typing import Protocol
 from camera_drivers.errors import CameraError
 from camera_drivers.jpeg import jpeg_end
 from flight_file.documents import EOI, SOI
-from flight_file.thresholds import MAX_READ_BYTES
+from flight_file.thresholds import BLOCK_BYTES, MAX_READ_BYTES
 
 _START = b"\0\0\1"
 _BEFORE_A_PICTURE = frozenset({6, 7, 8, 9})  # SEI, SPS, PPS, access unit delimiter
@@ -90,13 +90,17 @@ class RecordCutter:
     """Cuts `--metadata-format txt`: lines NAME=VALUE, and an empty line after each picture's."""
 
     def __init__(self) -> None:
-        self._buffer = b""
+        self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[dict[str, str]]:
         """Return the records that these bytes complete, values by name."""
-        *whole, self._buffer = (self._buffer + data).split(_RECORD_END)
-        if len(self._buffer) > MAX_READ_BYTES:
-            self._buffer = b""
+        looked = max(len(self._buffer) - 1, 0)
+        self._buffer += data
+        if self._buffer.find(_RECORD_END, looked) < 0:
+            if len(self._buffer) > BLOCK_BYTES:
+                self._buffer.clear()
+            return []
+        *whole, self._buffer = self._buffer.split(_RECORD_END)
         return [
             dict(line.split("=", 1) for line in record.decode("utf-8", "replace").splitlines() if "=" in line)
             for record in whole
