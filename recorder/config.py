@@ -7,7 +7,7 @@ docs/reference/recorder.yaml.md is made of these strings.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -24,7 +24,6 @@ from recorder.errors import ConfigurationError
 from recorder.thresholds import SHOWN_CHARACTERS, SHOWN_ERRORS
 
 CameraSettings = ReplaySettings | Qx10Settings | UvcSettings | PicameraSettings | RtspSettings
-_DRIVERS = tuple(get_args(model.model_fields["driver"].annotation)[0] for model in get_args(CameraSettings))
 
 
 class StorageSettings(Settings):
@@ -103,7 +102,7 @@ def parse_config(document: Any, *, base: Path | None = None, name: str = "config
     try:
         return RecorderConfig.model_validate(document, context={"base": base})
     except ValidationError as error:
-        raise ConfigurationError(f"{name}: {_sentence(error)}.") from error
+        raise ConfigurationError(f"{name}: {_sentence(error, document)}.") from error
 
 
 def load_config(path: Path) -> tuple[RecorderConfig, bytes]:
@@ -131,19 +130,28 @@ def checked_yaml(content: bytes, path: Path) -> Any:  # noqa: ANN401 - it is wha
         raise ConfigurationError(f"{path}: {error}.") from error
 
 
-def _sentence(error: ValidationError) -> str:
+def _sentence(error: ValidationError, document: object) -> str:
     found = error.errors(include_url=False)
-    parts = [f"{_where(item['loc'])}: {_what(item)}" for item in found[:SHOWN_ERRORS]]
+    parts = [f"{_where(item, document)}: {_what(item)}" for item in found[:SHOWN_ERRORS]]
     more = len(found) - SHOWN_ERRORS
     return "; ".join(parts) + (f"; and {more} more" if more > 0 else "")
 
 
-def _where(location: tuple[int | str, ...]) -> str:
-    # The union's tag is pydantic's and not in the file: its camera.replay.rate_hz is the file's camera.rate_hz.
-    keys = [
-        key for index, key in enumerate(location) if not (index == 1 and location[0] == "camera" and key in _DRIVERS)
-    ]
+def _where(item: Any, document: Any) -> str:  # noqa: ANN401 - pydantic's ErrorDetails, and whatever the file says
+    """Name the place as the file does: pydantic also names the kind of value that it has tried there."""
+    *above, last = item["loc"] or ("",)
+    keys, node = [], document
+    for key in above:
+        if _has(node, key):
+            keys.append(key)
+            node = node[key]
+    if _has(node, last) or item["type"] == "missing":
+        keys.append(last)
     return ".".join(map(_key, keys)) or "the whole file"
+
+
+def _has(node: object, key: int | str) -> bool:
+    return key in node if isinstance(node, dict) else isinstance(node, list) and isinstance(key, int)
 
 
 def _key(key: int | str) -> str:
@@ -161,6 +169,8 @@ def _what(item: Any) -> str:  # noqa: ANN401 - pydantic's ErrorDetails
         return "there is no such setting"
     if item["type"] == "missing":
         return "is missing"
+    if item["type"] == "path_type":
+        item["msg"] = "it is no path"
     message = " ".join(item["msg"].split())[:SHOWN_CHARACTERS]
     message = message[0].lower() + message[1:]
     if isinstance(item.get("ctx", {}).get("error"), WithheldError):

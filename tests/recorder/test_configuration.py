@@ -211,7 +211,10 @@ def write(path: Path, content: str | bytes) -> Path:
         ("camera: {driver: uvc, device: /dev/video0, size_px: [640]}\n" + STORAGE, "camera.size_px.1: is missing"),
         ("camera: {driver: picamera, codec: h264, interval_s: 2}\n" + STORAGE, "interval_s is for mjpeg"),
         (QX10 + "exposure_compensation: 7}\n" + STORAGE, "camera.exposure_compensation: "),
-        (QX10 + "zoom: far}\n" + STORAGE, "camera.zoom"),
+        (QX10 + "zoom: far}\n" + STORAGE, "yaml: camera.zoom: input should be 'wide', 'tele' or 'leave', got 'far'"),
+        ("camera: {driver: replay, path: }\n" + STORAGE, "yaml: camera.path: it is no path, got None"),
+        ("camera: {driver: replay, path: [a, 5]}\n" + STORAGE, "; camera.path.1: it is no path, got 5."),
+        ("camera: {driver: replay, path: ~/x}\n" + STORAGE, "yaml: camera.path: value error, ~ is no home here"),
         (QX10 + "limits: {shot: 1}}\n" + STORAGE, "camera.limits.shot: there is no such setting"),
         (
             QX10 + "limits: {picture_mib: 257}}\n" + STORAGE,
