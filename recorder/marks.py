@@ -47,6 +47,7 @@ MARKS_FOLDER = "marks"
 # What opening says where there is none, or another's: the recorder can always read its own.
 _NO_FOLDER = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EACCES, errno.EPERM)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_TRIES = 5
 _FOLDER_MODE = 0o1770  # the operators' group may add marks; nobody may remove another's
 _MODE = 0o660  # the recorder and the whole operators' group may read a mark and add to it
 
@@ -205,8 +206,12 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
     """
     try:
         found = newest_two(directory)
-        if not found:
-            raise NothingToMarkError(f"{directory}: there is no recording in it; give the recorder's directory.")
+    except OSError as error:
+        reason = f"cannot be listed ({error.strerror})"
+        raise NotMarkedError(f"{directory}: {reason}; give the recorder's directory, or join its group.") from error
+    if not found:
+        raise NothingToMarkError(f"{directory}: there is no recording in it; give the recorder's directory.")
+    try:
         when = _EPOCH + timedelta(microseconds=realtime_ns // 1000)
         make_marks_folder(directory)
         line = f"{when:%Y-%m-%dT%H:%M:%SZ} {' '.join(note.split())}".rstrip() + "\n"
@@ -216,7 +221,8 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
             os.fsync(folder)
     except OSError as error:
         reason = f"no recording in it can be marked ({error.strerror})"
-        raise NotMarkedError(f"{directory}: {reason}; make room, or join the recorder's group.") from error
+        advice = "make room, join the recorder's group, or remove `marks` if it is no folder"
+        raise NotMarkedError(f"{directory}: {reason}; {advice}.") from error
     try:
         for mark in marks:
             _append(mark, line.encode())
@@ -231,7 +237,14 @@ def mark_newest(directory: Path, *, note: str, realtime_ns: int) -> list[Path]:
 
 def newest_two(directory: Path) -> list[Path]:
     """Find the segment in work, or else the one written last, preceded by the one before it."""
-    segments = [path for name in regular_names(directory) if parse_segment_name(path := directory / name)]
+    for _ in range(_TRIES):
+        segments = [path for name in regular_names(directory) if parse_segment_name(path := directory / name)]
+        with suppress(FileNotFoundError):  # one was finished or deleted since
+            return _newest_two(segments)
+    raise FileNotFoundError(errno.ENOENT, "its segments change too fast")
+
+
+def _newest_two(segments: list[Path]) -> list[Path]:
     if not segments:
         return []
     working = [path for path in segments if path.name.endswith(PART_SUFFIX) and is_in_work(path)]

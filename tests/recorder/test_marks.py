@@ -14,6 +14,7 @@ from benchmarks.harm import Disk
 from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import CameraStatus, ClockReading
 from flight_file.session import Session
+from flight_file.untrusted import regular_names
 from recorder.errors import NothingToMarkError, NotMarkedError
 from recorder.marks import Marks, Tidied, is_marked, make_marks_folder, mark_newest, tidy_marks
 
@@ -88,8 +89,26 @@ def test_nothing_to_mark_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
     with pytest.raises(NothingToMarkError, match=r"no recording in it.*\.$"):
         mark(tmp_path)
-    with pytest.raises(NotMarkedError, match=r": no recording in it can be marked \(.*\.$"):
+    with pytest.raises(
+        NotMarkedError, match=r"/none: cannot be listed \(No such file.*give the recorder's directory.*\.$"
+    ):
         mark(tmp_path / "none")
+
+
+def test_segment_that_ends_while_it_is_looked_for_is_marked(
+    tmp_path: Path, writer: FlightWriter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Among many files the look takes seconds: the segment in work has another name by then, and a next one follows."""
+    seconds = iter((3, 4))
+
+    def listed(directory: Path) -> list[str]:
+        names = regular_names(directory)
+        for second in seconds:
+            writer.make_room(at(second))
+        return names
+
+    monkeypatch.setattr("recorder.marks.regular_names", listed)
+    assert mark(tmp_path, "bird strike") == ["R_0003.mcap", "R_0004.mcap.part"]
 
 
 @pytest.mark.usefixtures("writer")
@@ -143,7 +162,7 @@ def test_link_in_place_of_the_folder_leads_nowhere(tmp_path: Path, target: str) 
     large = [tmp_path / "R_0000.mcap", tmp_path / "elsewhere" / "film.tif", tmp_path / "elsewhere" / "R_0001.mcap.keep"]
     for path in large:
         path.write_bytes(bytes(100_000))
-    with pytest.raises(NotMarkedError, match=r"\.$"):
+    with pytest.raises(NotMarkedError, match=r"or remove `marks` if it is no folder\.$"):
         mark(tmp_path)
 
     assert tidy_marks(tmp_path) == Tidied(unusable="Not a directory")
