@@ -108,11 +108,11 @@ class PicameraSource:
     def close(self) -> None:
         """End the program, politely at first."""
         for number in (signal.SIGTERM, signal.SIGKILL):
-            if self._process.poll() is None:
-                os.killpg(self._process.pid, number)  # a script around the program is not all that holds the camera
+            # What a script has started holds the camera, also where the script itself has ended.
+            with suppress(OSError):
+                os.killpg(self._process.pid, number)
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(CLOSE_S)
-                break
         for stream in (self._process.stdout, self._process.stderr):
             if stream is not None:
                 stream.close()

@@ -138,16 +138,21 @@ def test_program_that_hangs_is_ended(program: Program, jpegs: list[bytes]) -> No
     assert process.poll() == -signal.SIGTERM
 
 
-def test_program_in_a_script_is_ended_with_it(tmp_path: Path, program: Program, jpegs: list[bytes]) -> None:
-    """What the script started has the camera, and would keep it from the next connection."""
+@pytest.mark.parametrize("ending", ["\nexit $?", "&"])
+def test_program_in_a_script_is_ended_with_it(
+    tmp_path: Path, program: Program, jpegs: list[bytes], ending: str
+) -> None:
+    """What the script started has the camera, and would keep it from the next connection, also without the script."""
     script = tmp_path / "script"
-    script.write_text(f'#!/bin/sh\n{program(jpegs[:1])} "$@"\nexit $?\n', encoding="utf-8")
+    script.write_text(f'#!/bin/sh\n{program(jpegs[:1])} "$@" {ending}\n', encoding="utf-8")
     script.chmod(0o755)
     with picamera(Options(program=str(script)), SystemClock(), Listener()) as camera:
-        group = camera._source._process.pid
+        process = camera._source._process
         assert camera.next_frame(threading.Event()) is not None
+        eventually(lambda: ending != "&" or process.poll() == 0)
+        assert living(process.pid)
 
-    eventually(lambda: not living(group))
+    eventually(lambda: not living(process.pid))
 
 
 def living(group: int) -> list[str]:
