@@ -181,9 +181,7 @@ def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[s
     message = _said(problem)
     if problem["type"] == "extra_forbidden":
         (*_, key) = problem["loc"]
-        like = get_close_matches(str(key), _keys(model), 1)
-        instead = f"did you mean {like[0]}?" if like else "remove it or correct its spelling"
-        message = f"is not a key of the {thing} format; {instead}"
+        message = _unknown(str(key), _owners(model), thing)
     return path, message
 
 
@@ -197,12 +195,22 @@ def _said(problem: ErrorDetails) -> str:
     return SAID.get(problem["type"], UNKNOWN).format(**told)
 
 
+def _unknown(key: str, owners: dict[str, list[str]], thing: str) -> str:
+    """Say what to do about a key that is none where it stands."""
+    if key in owners:
+        return f"is not a key here, but of {' and '.join(owners[key])}: move it there"
+    like = get_close_matches(key, owners, 1)
+    instead = f"did you mean {like[0]}?" if like else "remove it or correct its spelling"
+    return f"is not a key of the {thing} format; {instead}"
+
+
 @cache
-def _keys(model: type[Strict]) -> list[str]:
-    """List the keys of a description and of all its parts."""
+def _owners(model: type[Strict]) -> dict[str, list[str]]:
+    """Map the keys of a description and of all its parts, in order, to the parts that have them."""
     schema = model.model_json_schema()
-    parts = [schema, *schema.get("$defs", {}).values()]
-    return sorted({key for part in parts for key in part.get("properties", {})})
+    parts = {model.__name__: schema, **schema.get("$defs", {})}
+    owned = [(key, name.lower()) for name, part in parts.items() for key in part.get("properties", {})]
+    return {key: [name for own, name in owned if own == key] for key in sorted({key for key, _ in owned})}
 
 
 class ReferencePoint(Strict):

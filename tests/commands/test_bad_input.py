@@ -39,6 +39,11 @@ def key_spelt_otherwise(panel: Panel, _: Path) -> None:
     panel["gauges"][1]["center"] = panel["gauges"][1].pop("centre")
 
 
+def key_a_level_too_low(panel: Panel, _: Path) -> None:
+    """A gauge's key, written to its needle."""
+    panel["gauges"][1]["needles"][0]["tail"] = True
+
+
 def no_picture(_: Panel, picture: Path) -> None:
     """The panel's picture is gone."""
     picture.unlink()
@@ -82,6 +87,7 @@ def test_what_a_truncated_flight_lost_is_named_by_every_command(tmp_path: Path, 
     ("change", "words"),
     [
         (key_spelt_otherwise, ["gauges[1].center: is not a key", "did you mean centre?"]),
+        (key_a_level_too_low, ["gauges[1].needles[0].tail: is not a key here, but of gauge: move it there"]),
         (no_picture, ["panel.jpg"]),
         (another_cockpit, ["flight.mcap", "none of its 2 frames", "knob"]),
     ],
