@@ -19,6 +19,7 @@ The score below which a needle is missing is `SCORE_THRESHOLD` in `registration/
 | NEEDLE_PART | 0.015 | pixels | the least part of its window that a needle fills | the thinnest of other people's needles |
 | CLEAR_PART | 0.2 | 1 | of the contrast around a needle, more than glints change it | by choice |
 | LEAST_SHARPNESS | 7.0 | blurs of an edge | height of digits at which unknown ones are told from known ones | drawn: five fonts |
+| MIDDLE_PART | 0.7 | of the way to its middle | that the hand missed a needle by; the rest is its form or height | about 1 on photographs, about 0 on simulators |
 | AT_HAND_PX | 2**18 | pixels | stay in a processor's cache until they are sampled | measured |
 """  # noqa: E501 - a table
 
@@ -39,4 +40,5 @@ MIN_PLACES = 3
 NEEDLE_PART = 0.015
 CLEAR_PART = 0.2
 LEAST_SHARPNESS = 7.0
+MIDDLE_PART = 0.7
 AT_HAND_PX = 1 << 18

@@ -20,6 +20,7 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.planes import Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import ANYWHERE, Reading, Status
+from decoder.instruments.thresholds import MIDDLE_PART
 from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import marks_missed_px, uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
@@ -36,9 +37,6 @@ from decoder.registration.thresholds import CERTAIN_SIGMAS
 # Marks are drawn more precisely than centres, because a mark is a visible line while a pivot lies under a cap: their
 # error is this part of the centres' error, limited to a part of the radius (`MOST_MARK_PART`).
 MARK_PART = 1 / 3
-# The part of the way from where a needle is drawn to its middle that the hand missed; the rest is that needles are not
-# symmetrical or stand above their marks. About 1 on photographs, about 0 on simulators.
-MIDDLE_PART = 0.7
 # Height of needles above their marks, in radii: 0.05 inches on a dial with a radius of 1.25 inches.
 NEEDLE_HEIGHT_PART = 0.04
 # Tangent of the usual viewing angle, as a minimum: a camera as far from a panel as it is wide sees its edges at 0.5.
@@ -212,8 +210,8 @@ def quantity_uncertainties(
 def _of_other(
     dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care
 ) -> QuantityUncertainty:
-    """Estimate it for what is no needle; all values share what the hand missed the place of a cut by."""
-    if quantity.is_cut:
+    """Estimate it for what is no needle; all values share what the hand missed a zero of its own by."""
+    if quantity.has_drawn_zero:
         return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
     return _of_shift(dial, path, care) if quantity.is_shift else dial
 

@@ -213,8 +213,9 @@ class Quantity:
         How its values are written if they are not measured; they then change in steps.
     is_drawn
         Whether its marks are places that somebody drew.
-    is_cut
-        Whether it is read by something cut from where somebody saw it, so that all values share what was missed there.
+    has_drawn_zero
+        Whether it is read from a place that somebody drew besides its marks (where a pointer was cut, a card's index),
+        so that all values share what was missed there.
     goes_on
         Whether its values go on beyond the outermost marks.
     is_shift
@@ -232,7 +233,7 @@ class Quantity:
     limits: tuple[float, float] | None = None
     written: Written | None = None
     is_drawn: bool = True
-    is_cut: bool = False
+    has_drawn_zero: bool = False
     goes_on: bool = False
     is_shift: bool = False
 

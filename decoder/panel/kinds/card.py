@@ -54,7 +54,8 @@ class Card(Plain, Strict):
 
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return the one that stands under the index."""
-        return (Quantity(self.name, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate),)
+        own = self.name, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate
+        return (Quantity(*own, has_drawn_zero=True),)
 
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index."""

@@ -91,7 +91,7 @@ class Linear(Windowed, Strict):
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return its value, by pixels along its window."""
         marks = self.along(corners_of(dial.window))
-        return (Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate, is_cut=True),)
+        return (Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate, has_drawn_zero=True),)
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
         """Return the line across its window at which it shows its value."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -70,6 +71,19 @@ def test_it_is_read_where_it_stands(at_y: float, light: tuple[float, float]) -> 
     assert found.angle_deg == pytest.approx(np.interp(value(at_y), values, at_px), abs=0.25)
 
 
+@pytest.mark.parametrize("missed_px", [0.0, 1.5])
+def test_a_pointer_drawn_beside_its_middle_is_doubted_by_as_much(missed_px: float) -> None:
+    """All readings are off by what the hand missed it by: a 95 % interval covers that, and is narrow without it."""
+    heights = [30.0] * 8 + [80.0, 80.0, 101.0, 120.0]
+    strips = [window(at_y + missed_px, seed + 1) for seed, at_y in enumerate(heights)]
+    picture = learn_linear(SLIDE, strips, first_linear(SLIDE, window(30.0 + missed_px)))
+    (there,) = read(TAUGHT, window(64.0, 99))
+    (found,) = read(picture, window(64.0, 99))
+
+    assert found.angle_deg == pytest.approx(there.angle_deg - missed_px, abs=0.3)
+    assert found.sigma_deg == pytest.approx(math.hypot(0.7 * missed_px, 0.5), abs=0.35)
+
+
 def test_two_pointers_are_none() -> None:
     """If two places look like the pointer, or none does, nothing is read."""
     (double,) = read(TAUGHT, window(50.0, 5, doubled=100.0))
@@ -130,6 +144,21 @@ def filled(at_y: float, seed: int = 0) -> Floats:
 def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: float) -> None:
     """What a bar covers is learned as the card's, wherever the bar has been shorter."""
     assert_read(filled, (drawn_y, 24.0), np.linspace(36.0, 118.0, 16), np.linspace(38.0, 116.0, 27))
+
+
+@pytest.mark.parametrize("missed_px", [0.0, 3.0])
+def test_a_bar_drawn_beside_its_end_is_doubted_by_as_much(missed_px: float) -> None:
+    """The flight shows where the bar ends, and so what the hand missed it by."""
+    heights = np.linspace(36.0, 118.0, 16) + missed_px
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": 80.0, "span": 24, "marks": MARKS}
+    )
+    slide = Slide.of(gauge, grid)
+    strips = [filled(at_y, seed + 1) for seed, at_y in enumerate(heights.tolist())]
+    picture = learn_linear(slide, strips, first_linear(slide, filled(80.0 + missed_px)))
+    (found,) = read(picture, filled(64.0, 99))
+
+    assert found.sigma_deg == pytest.approx(math.hypot(0.7 * missed_px, 0.5), abs=0.25)
 
 
 def column(at_y: float, seed: int = 0) -> Floats:

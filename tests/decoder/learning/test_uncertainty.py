@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -166,6 +167,23 @@ def test_needles_of_unknown_height_are_doubted_by_how_obliquely_they_are_seen(vi
     assert found.seen_deg == pytest.approx(beside_deg, rel=1e-6)
     # Of a mark, and of where the needle was cut.
     assert found.drawn_deg == pytest.approx(math.sqrt(2) * math.degrees(HAND_PX / drawn.panel.gauges[0].arc_px))
+
+
+@pytest.mark.parametrize("care_part", [0.0, 0.02])
+def test_a_card_is_doubted_by_its_index_as_a_needle_is_by_where_it_was_cut(care_part: float) -> None:
+    """The same hand drew the index and the card's marks, and what it missed the index by is in every reading."""
+
+    def with_card(content: dict[str, Any]) -> None:
+        first = content["gauges"][0]
+        del first["needles"]
+        turn = {"sweep": [0, 360], "scale": [[270, 0], [450, 180]], "wraps": 360}
+        first |= turn | {"card": {"name": "card_deg", "index": 270}}
+
+    needle = uncertainties_of(reader_of().source, care_part=care_part)["speed_kt"]
+    card = uncertainties_of(reader_of(with_card).source, care_part=care_part)["card_deg"]
+    missed_deg = math.degrees(care_part) if care_part else 0.0  # a pivot that was not moved may be off by as much
+
+    assert math.sqrt(card.drawn_deg**2 - missed_deg**2) == pytest.approx(needle.drawn_deg)
 
 
 def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -> None:

@@ -18,7 +18,7 @@ from decoder.imaging.sorting import median_of
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, SURE_SCORE
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIDDLE_PART, SURE_SCORE
 from decoder.matching.correlation import face_moments, partial_normxcorr
 from decoder.matching.faces import bare_face, in_light_of, learn_face
 from decoder.matching.needle_fit import Fits, Settled, WindowFitter, settle
@@ -107,6 +107,7 @@ class SlideReader:
     def __init__(self, slide: Slide, picture: LinearPicture) -> None:
         self._slide, self._pointer, self._face = slide, picture.pointer, picture.face
         self._name = slide.own.name
+        self._hand_px = math.hypot(MARK_PX, MIDDLE_PART * _beside_rows(picture.pointer) * slide.row_px)
         self._axis = (picture.pointer.rows - 1) // 2
         height, columns = picture.pointer.pixels.shape
         pixels = [min(1.0, slide.grid.cell_px[0] * slide.grid.cell_px[1])]
@@ -128,7 +129,10 @@ class SlideReader:
         return [
             {
                 self._name: Reading(
-                    Status.READ if own else Status.MISSING, place_px, math.hypot(sigma_px, off_px, MARK_PX), score
+                    Status.READ if own else Status.MISSING,
+                    place_px,
+                    math.hypot(sigma_px, off_px, self._hand_px),
+                    score,
                 )
             }
             for own, place_px, sigma_px, off_px, score in zip(
@@ -217,6 +221,13 @@ def _bar_sides(pointer: NeedleTemplate) -> tuple[bool, bool]:
     ends = pointer.transparency[:MIN_VIEWS], pointer.transparency[-MIN_VIEWS:]
     before, behind = (bool(np.mean(end) < MIN_VISIBLE) for end in ends)
     return before and not behind, behind and not before
+
+
+def _beside_rows(pointer: NeedleTemplate) -> float:
+    """Return how far beside its zero a pointer's middle lies, or the end of a bar: all readings may be off by it."""
+    if any(_bar_sides(pointer)):  # drawn at its end, it covers half of its picture
+        return abs(float((1.0 - pointer.transparency.mean(axis=1)).sum()) - pointer.rows / 2)
+    return abs(pointer.beside_deg)
 
 
 def _behind(face: Floats, row: float, rows: int) -> Floats:
