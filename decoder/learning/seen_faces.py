@@ -28,11 +28,11 @@ from decoder.imaging.unwrapping import (
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, CLEARLY_WORSE, FRAMES_TO_LEARN, NEEDLE_PART
-from decoder.learning.thresholds import MOSTLY, NOISE_SPREADS, SEEN_PART
+from decoder.learning.thresholds import NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews, face_behind
 from decoder.matching.needle_layer import layer_over
 from decoder.matching.needle_template import NeedleTemplate
-from decoder.matching.thresholds import MIN_VIEWS, MIN_VISIBLE
+from decoder.matching.thresholds import MIN_VIEWS, MIN_VISIBLE, MOSTLY
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kind import Pointer

@@ -13,7 +13,6 @@
 | SETTLED_PX | 0.03 | px | convergence of a moved pivot, or a lift by pixels | a third of `DRAWN_PX` |
 | NOISE_SPREADS | 6.0 | sigma | and these levels: the most that two pictures of the same differ by | beyond any chance |
 | SEEN_PART | 0.4 | pixels | of a needle that is seen elsewhere in a frame | most, but for reflections |
-| MOSTLY | 0.6 | frames | in which it must be seen elsewhere | more than half |
 """
 
 SAMPLE_FRAMES = 16
@@ -27,4 +26,3 @@ SEARCHED_PART = 0.01
 SETTLED_PX = 0.03
 NOISE_SPREADS = 6.0
 SEEN_PART = 0.4
-MOSTLY = 0.6

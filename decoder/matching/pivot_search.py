@@ -24,7 +24,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.matching.correlation import noise_between, turned_correlation
 from decoder.matching.needle_template import odd_rows
-from decoder.matching.thresholds import FAR_GAIN, FAR_PART, MIN_VIEWS, REACH_PART
+from decoder.matching.thresholds import FAR_GAIN, FAR_PART, MIN_VIEWS, MOSTLY, REACH_PART
 from decoder.panel.arrays import Floats, Mask, limited
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.registration.thresholds import NOISE_LEVELS
@@ -71,13 +71,13 @@ def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | 
     lines = _AxisLines.of(_axes_seen(grid, strips), radius_px)
     if len(lines.places_px) < MIN_VIEWS:
         return None
-    found = _best(lines.share_through, radius_px, REACH_PART * radius_px, near_part=0.0, most_left=HALF)
+    found = _best(lines.share_through, radius_px, REACH_PART * radius_px, near_part=0.0, most_left=MOSTLY)
     if found is None:
         return None
     told = lines.told(np.array(found))
     left, drawn = (1.0 - lines.share_through(np.stack([told, np.zeros(2)]))).tolist()
     # Lines of a small dial are no surer than to a pixel; what is nearer is left to tilts there, too.
-    if left > HALF * drawn or math.hypot(*told) < max(FAR_PART * radius_px, 1.0):
+    if left > MOSTLY * drawn or math.hypot(*told) < max(FAR_PART * radius_px, 1.0):
         return None
     return float(told[0]), float(told[1])
 

@@ -26,6 +26,7 @@ The score below which a needle is missing is `SCORE_THRESHOLD` in `registration/
 | REACH_PART | 0.12 | of the radius | how far from where they are drawn pivots are searched for | an ordinary hand |
 | FAR_PART | 0.015 | of the radius | a pivot nearer to where it is drawn is left to tilts | half of what these can handle |
 | FAR_GAIN | 0.95 | of what is unexplained | the most that a card's far pivot may leave, or the drawn one stays | other people's pictures, drawn by a careful hand |
+| MOSTLY | 0.6 | 1 | of frames, in which a needle must be seen elsewhere; of the axes beside the drawn centre, that may pass beside another | more than half |
 | MAX_CONDITION | 1e12 | - | beyond it a matrix has no inverse in double precision | its 16 digits |
 """  # noqa: E501 - a table
 
@@ -53,4 +54,5 @@ MIN_PAIR_CORRELATION = 0.98
 REACH_PART = 0.12
 FAR_PART = 0.015
 FAR_GAIN = 0.95
+MOSTLY = 0.6
 MAX_CONDITION = 1e12
