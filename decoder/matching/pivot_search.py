@@ -69,7 +69,7 @@ def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | 
     """
     radius_px = float(grid.radii_px[-1])
     lines = _AxisLines.of(_axes_seen(grid, strips), radius_px)
-    if len(lines.places_px) < MIN_VIEWS:
+    if lines.sectors < MIN_VIEWS:
         return None
     found = _best(lines.share_through, radius_px, REACH_PART * radius_px, near_part=0.0, most_left=MOSTLY)
     if found is None:
@@ -136,6 +136,8 @@ class _AxisLines:
     """(N,): how far a middle is known to be on its line, from the scatter of the ridge about it."""
     weights: Floats
     """(N,), of sum 1: the length, of many at about the same place as the root of their number."""
+    sectors: int
+    """In how many places they lie. In one they may all be the flank of something that hardly moves."""
     radius_px: float
 
     @classmethod
@@ -151,6 +153,7 @@ class _AxisLines:
             lengths_px,
             scatter_px,
             weights / max(weights.sum(), np.finfo(float).tiny),
+            len(np.unique(sectors)),
             radius_px,
         )
 
@@ -163,9 +166,9 @@ class _AxisLines:
         """(2,): the part of an offset that lines through it tell; lines of about one direction tell what is across."""
         passing = self.weights * self._passing(offset_px[None])[0]
         across = np.stack([-self.along[:, 1], self.along[:, 0]])
-        (least, _), axes = np.linalg.eigh((across * passing) @ across.T)
+        (least, _), axes = np.linalg.eigh((across * passing) @ across.T / max(passing.sum(), np.finfo(float).tiny))
         ahead, aside = axes.T @ offset_px
-        if FAR_PART * self.radius_px * math.sqrt(np.square(passing).sum()) > abs(ahead) * math.sqrt(max(least, 0.0)):
+        if FAR_PART * self.radius_px > abs(ahead) * math.sqrt(self.sectors * max(least, 0.0)):
             ahead = 0.0
         told: Floats = axes @ [ahead, aside]
         return told
