@@ -4,7 +4,7 @@ A needle cut from a sharper picture matches a blurred one badly, and a thin one 
 taken on the ground with another camera, and the flight through a lens out of focus, a dusty glass, or with fewer
 pixels. The blur is measured by how much of each spatial frequency of a dial reaches the frames: over a few frequencies,
 any lens blurs like a Gaussian. Noise, light and needles that moved change all frequencies alike. Cards and horizons do
-not, and are left out. A dial slightly off its place only shifts the phase of the waves in each sector, which is ignored.
+not, and are left out. A dial slightly off its place only shifts the phases within each sector, which are ignored.
 """
 
 from __future__ import annotations
