@@ -1,9 +1,9 @@
 """Follow the chain through the segments of a recording, and determine the cause of each break.
 
 A frame that the recorder never stored leaves a gap in the sequence numbers, but none in the chain; a frame that was
-removed later leaves both. That is how the two are told apart. A frame whose number was changed is not a removed frame:
-the heads of its messages still have its number. After a frame that does not fit, the chain's value is unknown, so the
-next frame's own is accepted: the first fault is named, and nothing is invented.
+removed later leaves both. That is how the two are told apart. A frame whose number was changed is not taken for a
+removed one, because the heads of its messages still have its number. After a frame that does not fit, the chain's value
+is unknown, so the next frame's own is accepted: the first fault is named, and no others are invented.
 """
 
 from __future__ import annotations
@@ -145,8 +145,8 @@ class ChainCheck:
             self._find(FindingKind.CHANGED_SEGMENT, segment, "it carries no chain, but the segment before it does")
 
     def _broken_joint(self, before: Segment, segment: Segment, *, is_proven: bool) -> tuple[FindingKind, Segment, str]:
-        # A recorder continues from what it has synced: if the box vouches for this segment, only its own statement
-        # that the one before lost something explains the break.
+        # A recorder continues from what it has synced. So if this segment is proven to be the box's, the break is only
+        # explained if the segment itself states that the one before lost something.
         declared = before.end is not None and before.end.recovered and (self._before_is_signed or not is_proven)
         if declared or (before.end is None and not is_proven):
             reason = "frames between it and the segment before, which was cut off, are lost"
@@ -280,7 +280,7 @@ class ChainCheck:
         if segment.finished:
             end = segment.end
             self._report_torn(segment, frames_are_lost=end is None or end.chain != self._value)
-        # A torn end of a file that was never finished is what a power cut leaves.
+        # A power cut leaves just this: an unfinished file with a torn end.
         for torn in self._torn:
             self._find(FindingKind.CUT, segment, torn.reason)
         self._torn.clear()

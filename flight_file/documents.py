@@ -1,9 +1,9 @@
 """Parse attachments, YAML documents and pictures' headers, within limits checked before memory is allocated.
 
-A YAML document may come from anyone, inside a flight file too. So its cost is limited first: its depth, and its number
+A YAML document may come from anyone, even inside a flight file. So its cost is limited first: its depth, and its number
 of values with aliases expanded. Anything that would be read differently from how it looks is refused: a repeated key,
-a tag for anything but plain values, or a number that is octal for a 0 in front. A date stays text, so a file may be
-called `2018-05-04`, or `2018-13-45`; so does `1:30`, which older YAML takes for 90, and `off`.
+a tag for anything but plain values, or a number that a leading 0 makes octal. A date stays text, so a file may be
+called `2018-05-04`, or `2018-13-45`; so do `1:30`, which older YAML takes for 90, and `off`.
 
 A JPEG's markers are followed as by libjpeg, through fill bytes and stray ones, so that no picture is larger than found
 here. Sources: ITU-T T.81 annex B; PNG (third edition) 11.2.1; RFC 9649 and RFC 6386 (WebP).
@@ -72,9 +72,9 @@ class PictureHeader:
     scans
         Number of passes over its pixels.
     stored_bytes
-        Of its pixels before compression, if that says more than their number.
+        Size of its pixels before compression, if that limits more than their number does.
     buffered_bytes
-        At most kept of it while it is decoded: of a JPEG in several scans, all coefficients; 0 of one that is decoded
+        Most memory taken while it is decoded: all coefficients of a JPEG in several scans; 0 for one that is decoded
         row by row.
     """
 

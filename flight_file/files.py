@@ -23,7 +23,7 @@ from flight_file.untrusted import open_regular
 
 FILE_MODE = 0o640  # the operators' group may read recordings, nobody else
 _OWN_MODE = 0o600
-# What opening a name says that leads to another's file, or to none.
+# Errors of opening a name that leads to somebody else's file, or to none.
 _NOT_OURS = (errno.ENOENT, errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENOTDIR, errno.EACCES, errno.EPERM)
 _ADVICE = {
     errno.EPERM: "check who may write there",
@@ -61,11 +61,11 @@ class DurableFile:
             raise _not_written(path, error) from error
         self._digest = hashlib.sha256() if digested else None
         self._head = b""
-        # On a file system without locks the recording is more important. A check whether the file is in work holds
-        # the lock only for a moment.
+        # A file system without locks must not prevent the recording. The wait is short: somebody who checks whether the
+        # file is in work holds the lock only for a moment.
         with suppress(OSError):
             fcntl.flock(self._descriptor, fcntl.LOCK_EX)
-        # Only now: whoever may read a file may lock it, and would keep the recorder waiting.
+        # Only after locking: anybody who may read the file may lock it, and would keep the recorder waiting.
         with suppress(OSError):
             os.fchmod(self._descriptor, FILE_MODE & ~_umask())
 
@@ -128,9 +128,9 @@ class DurableFile:
     def cut(self) -> bool:
         """Truncate it durably to its synced bytes once it is closed; return False if its name leads to no such file.
 
-        The disk may have been taken away and brought back since, so the file is found by its name. That may lead to
-        anything by now: no link is followed, no pipe waited for, and only a file that begins as this one is cut. Not
-        its inode tells that: some file systems number files anew with each mount.
+        The disk may have been removed and brought back since, so the file is found by its name. That name may lead to
+        anything by now, so no link is followed, no pipe waited for, and only a file that begins like this one is cut.
+        Its inode would not identify it: some file systems renumber files with each mount.
         """
         try:
             descriptor = os.open(self.path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY)
@@ -156,7 +156,7 @@ class DurableFile:
 
     @property
     def has_moved(self) -> bool:
-        """Whether another folder is in the place of the one that it was made in, or none, or the disk does not say."""
+        """Whether its folder was replaced or is gone; also true if the disk does not say."""
         try:
             return _identity(self.path.parent.stat()) != self._directory
         except OSError:
@@ -259,10 +259,10 @@ def _rename(source: Path, target: Path) -> None:
 
 
 def free_aside(path: Path, suffix: str) -> Path:
-    """Return a free name beside a file, for what is to become that file.
+    """Return a free name beside a file, for content that is to become that file.
 
-    A file of this name was left by an interrupted writing and is removed; what is no file is somebody's and stays, and
-    the name gets a number.
+    A file of this name was left by an interrupted write and is removed. Anything but a file belongs to somebody else:
+    it stays, and the name gets a number.
     """
     names = (path.with_name(f"{path.name}{suffix}{'' if number == 1 else f'-{number}'}") for number in count(1))
     for name in names:
@@ -353,7 +353,7 @@ def _lock(descriptor: int, path: Path) -> bool:
     except OSError as error:
         reason = f"cannot be locked ({error.strerror}); copy it to another disk"
         raise FlightNotReadableError(path, reason=reason) from error
-    # Its previous holder may have given it its final name meanwhile.
+    # Its last holder may have renamed it to its final name meanwhile.
     with suppress(OSError):
         return path.stat().st_ino == os.fstat(descriptor).st_ino
     return False

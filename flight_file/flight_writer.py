@@ -114,7 +114,7 @@ class FlightWriter:
         self._segment.sync(at)
 
     def make_room(self, at: ClockReading, coming_bytes: int = 0) -> None:
-        """Start a new segment if this one is long enough, has its frames, or is too large for so many bytes more."""
+        """Start a new segment if this one is long enough, has all its frames, or no room for `coming_bytes` more."""
         segment, plan = self._segment, self._plan
         too_many = plan.segment_frames is not None and segment.frames >= plan.segment_frames
         too_large = plan.segment_bytes is not None and segment.written_bytes + coming_bytes > plan.segment_bytes
@@ -145,7 +145,7 @@ class FlightWriter:
         self._segment.refuse_gone()
 
     def remains(self) -> Remains:
-        """Close the open segment as it is, for a writer that rewrites what is not certain to be on the disk."""
+        """Close the open segment as it is; the next writer writes again whatever is not certain to be on the disk."""
         return self._segment.remains()
 
     def _age_ns(self, at: ClockReading) -> int:

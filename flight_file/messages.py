@@ -1,8 +1,8 @@
 """The messages of a flight file: topics and schemas, and frames and reports as bytes.
 
-The order of `TOPICS` is part of the format: our writer registers the channels in this order, so that their ids are 1
-to 9 in each of our files; those that do not need them lack the last ones. MCAP keeps the channel records only in the
-chunk in which they come first; if this chunk is lost, a reader uses this table.
+The order of `TOPICS` is part of the format: our writer registers the channels in this order, so their ids are 1 to 9 in
+each of our files; files that do not need the last ones leave them out. MCAP keeps the channel records only in the chunk
+in which they come first; if this chunk is lost, a reader uses this table.
 
 Times in JSON are `{"sec": ..., "nsec": ...}`, Foxglove's form, exact in languages whose numbers are doubles.
 """
@@ -364,7 +364,7 @@ class Image:
 
 
 def json_bytes(document: dict[str, Any]) -> bytes:
-    """Encode a document, leaving out what is None; a letter that UTF-8 does not have becomes a question mark."""
+    """Encode a document, leaving out fields that are None; text that UTF-8 cannot encode becomes a question mark."""
     present = {key: value for key, value in document.items() if value is not None}
     return json.dumps(present, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(errors="replace")
 
@@ -375,7 +375,7 @@ def time_or_none(time_ns: int | None) -> dict[str, int] | None:
 
 
 def _captured_ns(frame: Frame) -> int:
-    """Clip a frame's time to what a reader takes; a wall clock that stands at 1970 gives an earlier one."""
+    """Clip a frame's time to the range that a reader accepts; a wall clock at 1970 may give an earlier one."""
     return min(max(frame.captured_ns, 0), MAX_TIME_S * NS_PER_S)
 
 
@@ -441,7 +441,7 @@ class _OriginRecord(msgspec.Struct, frozen=True):
 
 
 class _FrameRecord(msgspec.Struct, frozen=True):
-    """What `encode_frame` writes, as far as it is read again."""
+    """The fields written by `encode_frame` that are read again."""
 
     sequence: Whole
     captured: Moment

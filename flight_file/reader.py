@@ -267,7 +267,7 @@ class Flight:
     def _groups_from(self, rank: int) -> Iterator[tuple[int, list[Frame]]]:
         """Iterate over a video's groups, starting at the picture of this rank, each with its first rank.
 
-        Ranks are in order of time: pictures that follow a key frame but belong to the group before count with that.
+        Ranks are in order of time: pictures that follow a key frame but belong to the earlier group count with that.
         """
         total, key = self.count(), rank
         while True:
@@ -343,7 +343,7 @@ class Flight:
         return self._beside({FIX_TOPIC: decode_fix})
 
     def heard(self) -> Iterator[Sound]:
-        """Iterate over what is kept of the sound: its strongest tones, possibly also packets.
+        """Iterate over the recorded sound: its strongest tones, and its packets if they were kept.
 
         Raises
         ------
@@ -377,8 +377,8 @@ class Flight:
     def sample_frames(self, count: int) -> Iterator[Frame]:
         """Iterate over at most `count` frames spread evenly from first to last; always the same ones.
 
-        Only their chunks are read, and of a video their groups: a key frame replaces those after it, unless another
-        frame of its group was chosen before. A damaged one is left out; `frames` reports it.
+        Only their chunks are read and, of a video, their groups: the key frame takes the place of a chosen frame in its
+        group, unless another frame of that group was chosen before. Damaged frames are left out; `frames` reports them.
 
         Raises
         ------

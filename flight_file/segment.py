@@ -50,7 +50,7 @@ class Segment:
     start_of_chain
         Value of the chain before the first frame; empty if there is no chain, or a record it starts from is lost.
     checkpoints
-        Those in it, genuine or not (see `verification`).
+        All checkpoints in the file, genuine or not (see `verification`).
     is_ours
         Whether it says that a recorder wrote it: profile `flight`.
     places
@@ -137,7 +137,7 @@ def _start_of_chain(scan: FileScan, session: Session) -> str:
 
 
 def attachment_digests(scan: FileScan, attachments: Mapping[str, bytes]) -> dict[str, str]:
-    """Return the record that lists the attachments: from the file or, if damaged there, made anew."""
+    """Return the record that lists the attachments: the file's or, if that is damaged, a new one."""
     stated = scan.metadata.get(ATTACHMENTS_RECORD, {})
     if is_sound(stated):
         return stated

@@ -370,7 +370,7 @@ def free_recording_name(directory: Path, wanted: str) -> str:
     """Return the wanted name, or the first of `wanted-2`, ... that no segment in the directory has, even one begun."""
     try:
         with os.scandir(directory) as entries:
-            # Of hundreds of thousands only those in question are looked at.
+            # A directory may have hundreds of thousands of files: look only at those with such a name.
             alike = [entry.name.removesuffix(BEGUN_SUFFIX) for entry in entries if entry.name.startswith(wanted)]
     except OSError as error:
         raise FlightNotWrittenError(

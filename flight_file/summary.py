@@ -6,10 +6,10 @@
 
 The `mcap` package reads all of a summary and trusts its lengths; a file with false ones fills the memory.
 
-Other readers trust the indexes. Three things are checked in a finished segment: MCAP's two CRCs over what no chunk's
-CRC covers (of the data section, and of the index at the end); that nothing is defined twice in different ways; and that
-each index lists exactly what exists. A file of another writer may have fewer indexes than ours, so only its CRCs are
-checked.
+Other readers trust the indexes. Three things are checked in a finished segment: MCAP's two CRCs (of the data section,
+and of the index at the end) over everything outside the chunks; that nothing is defined twice in different ways; and
+that each index lists exactly what exists. A file of another writer may have fewer indexes than ours, so only its CRCs
+are checked.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _OUR_TOPICS = frozenset(topic.name for topic in TOPICS)
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What a segment says of itself: its time from first to last message by log time, and its pictures."""
+    """A segment's own statistics: the time from its first to its last message, by log time, and its pictures."""
 
     span_ns: int
     pictures: int
@@ -234,7 +234,7 @@ class Contents:
 
 
 def unfitting_index(segment: Segment, source: ByteSource, contents: Contents) -> tuple[FindingKind, str] | None:
-    """Find what does not fit outside a finished file's chunks; None if all fits.
+    """Check a finished file outside its chunks; return the first misfit, or None.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ def shown(text: str, *, most: int = MAX_SHOWN_CHARACTERS) -> str:
 
 
 def encodable(text: str) -> str:
-    """Escape what UTF-8 has no bytes for, such as the other bytes in a file's name; all else stays, control or not."""
+    """Escape characters that UTF-8 cannot encode, such as undecodable bytes of a file name; keep all others."""
     return text.encode(errors="backslashreplace").decode()
 
 
@@ -216,7 +216,7 @@ def _echo(text: str, *, err: bool = False) -> None:
     except OSError as error:
         if err or error.errno == errno.EPIPE:  # a reader such as `head` has seen enough; click ends the program
             raise
-        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - what Python still holds back would fail again at the end
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - text still in Python's buffer would fail again at exit
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         raise click.ClickException(f"stdout cannot be written ({error.strerror}); send it elsewhere.") from error
 

@@ -71,8 +71,8 @@ def prove(segment: Segment, public_key: bytes | None) -> Proof:
 def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint], public_key: bytes | None) -> Proof:
     """Find what proves an open file.
 
-    A signature beside a file in work may be its own, if only the final name is missing, or that of an interrupted
-    recovery's result. So there it counts only if it fits.
+    A signature beside a file in work may be its own, if only the final name is missing, or belong to the result of an
+    interrupted recovery. So it counts there only if it fits.
     """
     in_work = path.name.endswith(PART_SUFFIX)
     try:
@@ -103,7 +103,7 @@ def prove_file(path: Path, source: ByteSource, checkpoints: Sequence[Checkpoint]
 
 
 def _signature_beside(path: Path) -> Signature | None:
-    """Read the signature beside a file; what cannot be read as one, beside a file in work, is none."""
+    """Read the signature beside a file; beside a file in work, one that cannot be read counts as none."""
     try:
         return read_signature(path.with_name(path.name.removesuffix(PART_SUFFIX)))
     except (MalformedSignatureError, FlightNotReadableError):
@@ -324,7 +324,7 @@ def _findings_outside(segment: Segment, contents: Contents) -> Iterator[Finding]
 
 
 def _findings_of_proof(segment: Segment, proof: Proof, counted: Counted, key: bytes | None) -> Iterator[Finding]:
-    """Find what a segment's proof lacks; `key` must have signed it, None if no key must."""
+    """Find what a segment's proof lacks; `key` must have signed it, or any or none if it is None."""
     path = segment.path
     if proof.finding is not None:
         yield proof.finding

@@ -4,8 +4,8 @@ A frame's record and image belong together if they name the same capture time, a
 the digest that the record states. Our writer puts both into one chunk, one right after the other; another writer may
 separate them, so each waits for its partner until the next chunk has been read. One without the other is a loss.
 
-If a chunk does not fit its CRC, what can still be read of it shows which frame was damaged. The numbers and times in
-MCAP's own message heads help: no digest covers them, but damage in both places is unlikely.
+If a chunk does not fit its CRC, the records that can still be read show which frame was damaged. The numbers and times
+in MCAP's own message heads help: no digest covers them, but damage in both places is unlikely.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Pairing:
         return waiting
 
     def end_chunk(self) -> list[Unpaired]:
-        """Finish a chunk, or the file after the last; return what has waited a whole chunk in vain."""
+        """Finish a chunk, or the file after the last; return halves that have waited a whole chunk in vain."""
         late = list(takewhile(lambda waiting: waiting.round < self._round, self._waiting.values()))
         for waiting in late:  # the oldest of all, so each is also the first of its time
             self._take_first(isinstance(waiting.item, Frame), waiting.item.captured_ns)
@@ -213,7 +213,7 @@ def beside(
     channels: dict[int, str],
     decoders: Mapping[str, Callable[[memoryview], _Beside]],
 ) -> Iterator[_Beside]:
-    """Iterate over a chunk's messages beside its frames, as `items_of` over these; `decoders` by topic."""
+    """Iterate over a chunk's messages other than frames, like `items_of`; `decoders` are by topic."""
     for record in split_chunk(read_chunk(source, place, needs_crc=not segment.finished)):
         if isinstance(record, Channel):
             channels[record.id] = record.topic
@@ -242,7 +242,7 @@ class FrameRecord:
     content, stated
         The bytes of its record that the chain covers, and the stated value.
     record_misfit, picture_misfit
-        What was changed in it, in words; empty if nothing, as far as this frame alone shows.
+        What was changed in it, in words; empty if this frame by itself shows no change.
     heads_fit
         Whether the heads of its two messages agree with the record.
     """

@@ -1,8 +1,8 @@
 """Write one segment of a flight.
 
-While in work, the file is `NAME.mcap.part`. It gets that name when its head is on the disk, with the first checkpoint;
-before, it is `NAME.mcap.begun`, which contains no picture and which the next start removes. So a power cut leaves no
-file in work without its identity and its writer. Its layout:
+While in work, the file is `NAME.mcap.part`. It gets that name once its head and the first checkpoint are on the disk.
+Before, it is `NAME.mcap.begun`, which contains no picture and is removed at the next start. So a power cut never leaves
+a file in work that does not say which recording it belongs to and who wrote it. Its layout:
 
     header        profile `flight`, our library string
     metadata      `session`, then `attachments` (name to SHA-256)
@@ -14,8 +14,8 @@ file in work without its identity and its writer. Its layout:
     metadata      `end` with the reason
     summary
 
-Chunks are closed by us, not by the MCAP library, which would close one between a frame's two messages. A chunk and its
-checkpoint are written one right after the other and synced together: what was said to be stored is also proven.
+We close chunks ourselves, since the MCAP library might close one between a frame's two messages. A chunk and its
+checkpoint are written one right after the other and synced together: everything reported as stored is also proven.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def registered_topics(writer: Writer) -> dict[str, int]:
 def register_late(writer: Writer, channels: dict[str, int], name: str) -> None:
     """Put schemas and channels up to this late topic into the open chunk, unless that is done.
 
-    So channels have the ids that a reader assumes if it has lost the chunk that defines them.
+    So channels have the ids that a reader assumes if the chunk that defines them is lost.
     """
     if name in LATE_TOPICS and name not in channels:
         for topic in TOPICS:
@@ -152,8 +152,8 @@ class Remains:
     Attributes
     ----------
     file
-        The file in work, with what is on the disk for certain; closed, unless its name was taken away. None if nothing
-        but its head was on the disk and it could be removed, or if it was finished.
+        The file in work, with the data that are certain to be on the disk; closed, unless its name was taken away. None
+        if it was finished, or if only its head was on the disk and the file could be removed.
     segment
         Number of the next segment.
     chain
@@ -343,7 +343,7 @@ class SegmentWriter:
         self._file.close()
 
     def remains(self) -> Remains:
-        """Close the file as it is, for a writer that rewrites what is not on the disk for certain."""
+        """Close the file as it is; the next writer writes again whatever is not certain to be on the disk."""
         if self.has_final_name:
             # Its name becomes durable with that of the next segment, which is in the same directory.
             self._file.close()
@@ -356,7 +356,7 @@ class SegmentWriter:
 
     @property
     def has_final_name(self) -> bool:
-        """Whether it is complete under its final name, even if the disk failed to say that this is durable."""
+        """Whether it is complete under its final name, even if the disk did not confirm that the name is durable."""
         return self._file.path == self.path
 
     @property

@@ -46,9 +46,9 @@ class Wiring:
     clock
         The clock of the recording.
     live
-        Whether the camera cannot wait: when the queue is full, the oldest frame in it is dropped and counted; the
-        recorder looks at its clock while no frame comes, and keeps trying when the camera or the disk fails. Otherwise
-        the camera is made to wait, and only its frames advance the time.
+        Whether the camera cannot wait. If so, a full queue drops and counts its oldest frame, time passes also while no
+        frame comes, and the recorder keeps trying when the camera or the disk fails. Otherwise the camera is made to
+        wait, and only its frames advance the time.
     attachments
         Attachments of the source, for a recording that attaches no panel of its own.
     """
@@ -60,12 +60,12 @@ class Wiring:
 
 
 def wire(config: RecorderConfig, host: Host, reporter: Reporter) -> Wiring:
-    """Make the camera that the configuration asks for; what it says beside its pictures goes to `reporter`.
+    """Make the configured camera; everything that it reports besides its pictures goes to `reporter`.
 
     Raises
     ------
     ConfigurationError
-        There is nothing to replay, or what the driver needs is not installed.
+        There is nothing to replay, or a package that the driver needs is not installed.
     """
     if isinstance(config.camera, ReplaySettings):
         return _replay(config.camera, host, reporter)
@@ -85,7 +85,7 @@ def _replay(settings: ReplaySettings, host: Host, reporter: Reporter) -> Wiring:
         raise ConfigurationError(f"camera.path: {error}") from error
     live = settings.pace == "realtime"
     clock = host.clock if live else SimulatedClock(source.start_ns)
-    # No thread waits with a simulated clock, and a century takes it no more steps than a second.
+    # No thread waits on a simulated clock, and it jumps over a century as easily as over a second.
     heard = ReportingClock(clock, reporter) if live else clock
     return Wiring(
         camera=ReplayCamera(source, heard),

@@ -80,7 +80,7 @@ class FlightInfo:
 
     @property
     def dropped(self) -> int:
-        """Frames that the recorder took but did not store, by the last end record there is."""
+        """Frames that the recorder took but did not store, according to the last end record."""
         return max((segment.end.dropped for segment in self.flight.segments if segment.end is not None), default=0)
 
 
@@ -216,7 +216,7 @@ def _original_lines(session: Session) -> Iterator[str]:
 
 
 def _evidence(files: list[dict[str, Any]]) -> list[str]:
-    # Whether chain and signatures fit is what `recorder verify` says.
+    # Whether chain and signatures are right is left to `recorder verify`.
     return [f"{word} {sum(file[word] for file in files)} of {len(files)}" for word in ("chained", "signed", "marked")]
 
 

@@ -142,7 +142,7 @@ def extract(context: click.Context, files: tuple[Path, ...], directory: Path) ->
 def extract_pictures(flight: Flight, directory: Path) -> int:
     """Write every picture of a flight as it was recorded, byte for byte; return how many there are.
 
-    Their names sort in the flight's order; what cannot be read of it is among its `losses` afterwards.
+    Their names sort in the flight's order. Parts that cannot be read are among the flight's `losses` afterwards.
 
     Raises
     ------

@@ -65,7 +65,7 @@ def replay_into(
     stop
         To end it from elsewhere.
     times
-        What else `ReplaySettings` takes: when the pictures were taken, and whether sound is kept.
+        Further fields of `ReplaySettings`: when the pictures were taken, and whether sound is kept.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def replay_into(
     FileNotWrittenError, FlightNotWrittenError
         The target cannot be written.
     ConfigurationError
-        What is to be attached cannot be read.
+        A file to attach cannot be read.
     CameraError
         A source cannot be read.
     """
@@ -103,7 +103,7 @@ def replay_into(
 
 
 def _losses(paths: Sequence[Path], session: Session, stored: int) -> tuple[str, ...]:
-    """Find what cannot be read of flight files (a gap at an end shows nowhere else) or of videos."""
+    """Find what cannot be read of flight files or videos; a gap at the end of a flight file shows nowhere else."""
     if paths[0].is_dir():
         return ()
     if session.originals and not is_flight(paths[0]):

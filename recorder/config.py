@@ -138,7 +138,7 @@ def _sentence(error: ValidationError, document: object) -> str:
 
 
 def _where(item: Any, document: Any) -> str:  # noqa: ANN401 - pydantic's ErrorDetails, and whatever the file says
-    """Name the place as the file does: pydantic also names the kind of value that it has tried there."""
+    """Name the place as the file does, without the kinds of value that pydantic tried there."""
     *above, last = item["loc"] or ("",)
     keys, node = [], document
     for key in above:

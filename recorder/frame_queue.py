@@ -29,7 +29,7 @@ class Drops:
             self._counts[reason] += count
 
     def add_overflow(self, count: int) -> None:
-        """Count frames that found no room in the queue, because of the disk's failure or its slowness."""
+        """Count frames that found no room in the queue, because the disk failed or is too slow."""
         self.add(self._disk_trouble or QUEUE_FULL, count)
 
     def blame_disk(self, trouble: str) -> None:

@@ -1,7 +1,8 @@
 """Everything the recorder takes from its machine, above all the clocks; tests pass in a machine of their own.
 
-`WallClock` notices when somebody sets the wall clock: it then moves against the monotonic one. A clock that is slewed
-(by at most 0.05 %, the kernel's limit) is not set. A machine that slept looks as if its clock had been set forward.
+`WallClock` notices when somebody sets the wall clock, by its jump relative to the monotonic one. A clock that is slewed
+(by at most 0.05 %, the kernel's limit) does not count as set. A machine that slept looks as if its clock had been set
+forward.
 """
 
 from __future__ import annotations
@@ -182,8 +183,8 @@ def fixed_host(clock: Clock) -> Host:
 def share_one_heap() -> None:
     """Let all threads of this process allocate from one heap; to be called before there are several.
 
-    glibc gives each new thread a heap of its own, up to eight a core, and keeps the pages that it once touched: 5 MiB
-    on two cores, told from a leak only after thousands of calls. Another C library has no such setting.
+    glibc gives each new thread a heap of its own, up to eight a core, and keeps the pages that it once touched. On two
+    cores that is 5 MiB, which looks like a leak for thousands of calls. Another C library has no such setting.
     """
     with suppress(AttributeError, OSError):
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)

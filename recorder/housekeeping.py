@@ -3,18 +3,18 @@
 The oldest go first. Age is counted in hours of recording, from the newest segment back, and the order is that of the
 names: neither depends on a wall clock, which on a small board may be years off and may be set at any time. No picture
 counts for more than `SILENCE_S`, or than the camera's interval if that is longer, so neither a box that waited for its
-camera nor a file of few pictures that claims to be long makes a flight look old. How many pictures there are is what
-the file's own statistics say.
+camera nor a file of few pictures that claims to be long makes a flight look old. The number of pictures is taken from
+the file's own statistics.
 
-Never deleted: the newest `keep_hours`, also of each recording that another recorder has in work; what is marked (see
-`marks`), what somebody has in work, files with names that the recorder does not give, and files with such a name that
-cannot be read as a segment or claim to be longer than one can be: these count no hours and are named in the log. What
-the system does not let go is named, too, and passed over. Frames that a recovery set apart (`.unproven`) are as old as
-their segment, and kept by its mark.
+Some files are never deleted: the newest `keep_hours`, of this recording and of any that another recorder has in work;
+marked segments (see `marks`); files in work; files with names that the recorder does not give; and files with such a
+name that cannot be read as a segment, or claim to be longer than one can be. The last count no hours and are named in
+the log. A file that the system refuses to delete is named there too, and skipped. Frames that a recovery set apart
+(`.unproven`) are as old as their segment, and kept by its mark.
 
-Segments are left in work by an earlier life of the recorder, or by a disk that failed; they are finished in the
-background. Those that there is no room to finish are as old as their names say and go in their turn; otherwise each
-power cut on a full disk would leave one more, until nothing else had room.
+Segments are left in work by an earlier run of the recorder, or by a disk that failed; they are finished in the
+background. A segment that there is no room to finish is as old as its name says, and deleted in its turn; otherwise
+each power cut on a full disk would leave one more, until nothing else had room.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _aged(names: Iterable[str]) -> Iterator[tuple[_Age, str]]:
 
 
 def older_than(names: Sequence[str], limit_ns: int, span_ns: Callable[[str], int | None]) -> Sequence[str]:
-    """Return the names of segments after which at least `limit_ns` were recorded, as far as known.
+    """Return the names of segments followed by at least `limit_ns` of recording, as far as known.
 
     Parameters
     ----------
@@ -290,10 +290,10 @@ class Retention:
         return deleted
 
     def _newest_in_work(self, segments: Sequence[str]) -> set[str]:
-        """Return the newest segments, as many as are to be kept, of each recording that somebody has in work.
+        """Return the newest segments, `keep_ns` of them, of each recording that some recorder has in work.
 
-        A recorder that was started before another one in the same directory has the older names for newer segments.
-        Between two segments it has no file in work, so each is remembered for some more looks.
+        If two recorders share a directory, the one that was started first gives older names to segments that may be
+        newer. Between two segments it has no file in work, so each recording is remembered for some more looks.
         """
         self._in_work = {recording: looks - 1 for recording, looks in self._in_work.items() if looks > 1}
         for name in (name for name in self._index.names if name.endswith(_IN_WORK) and name not in self._waiting):
@@ -313,13 +313,13 @@ class Retention:
     def _delete(self, path: Path) -> bool:
         if path.name.endswith(PART_SUFFIX):
             return self._delete_in_work(path)
-        # The segment first: a signature without its file is a missing segment, a file without its signature a suspect.
+        # The segment first: a signature without its file shows a missing segment, a file without one looks suspicious.
         path.unlink(missing_ok=True)
         self._journal.log.info("segment_deleted", path=str(path))
         signature = signature_path(path)
         try:
             signature.unlink(missing_ok=True)
-        except OSError as error:  # the room was made; as a failure this would cost one segment more
+        except OSError as error:  # the room was made; to report a failure would cost one more segment
             self._journal.log.warning("signature_not_deleted", path=str(signature), reason=error.strerror)
         return True
 
@@ -440,14 +440,14 @@ class Salvager(threading.Thread):
             self._journal.log.warning("segment_salvaged", path=str(path), became=became)
 
     def _has_room(self, path: Path) -> bool:
-        # The copy needs as much room as the file has. As much again is for what is being recorded meanwhile: a file in
-        # work can be read as it is, so no flight may be deleted for it. While it waits it grows old as any other.
+        # The copy needs as much room as the file has, and recording goes on meanwhile: require twice as much. A file in
+        # work can be read as it is, so no flight may be deleted to finish it. While it waits, it ages like any other.
         free = self._free_bytes(path.parent)
         return free is None or free >= 2 * path.stat().st_size
 
 
 def _is_gone(path: Path) -> bool:
-    """Whether nothing has this name; a disk that does not say has not lost it."""
+    """Whether nothing has this name; if the disk does not say, assume that it is still there."""
     try:
         path.lstat()
     except OSError as error:

@@ -19,14 +19,14 @@ from structlog.typing import FilteringBoundLogger, Processor
 from flight_file.frame import LogLevel, LogLine
 from recorder.thresholds import TICK_S, WAITING_LINES
 
-_STDERR = 2  # not `sys.stderr`, which keeps what it could not write and fails with it again
+_STDERR = 2  # not `sys.stderr`, which keeps text that it could not write, and fails with it again
 _LEVELS = {"warning": LogLevel.WARNING, "error": LogLevel.ERROR, "critical": LogLevel.FATAL}
 
 
 class PatientStream:
     """A text stream onto a descriptor that may be full, broken or stuck: whoever writes to it neither waits nor fails.
 
-    A thread of its own writes, so that a reader who stopped reading holds up nobody else. What finds no room, and what
+    A separate thread writes, so a reader that stopped reading holds up nobody else. Text that finds no room, or that
     the system refuses, is counted.
     """
 
@@ -38,7 +38,7 @@ class PatientStream:
         self._thread: threading.Thread | None = None
 
     def write(self, text: str) -> None:
-        """Have it written as soon as the descriptor takes it."""
+        """Queue a text, to be written as soon as the descriptor takes it."""
         with self._changed:
             if len(self._waiting) >= WAITING_LINES:
                 self._unwritten += 1
@@ -96,7 +96,7 @@ class Journal:
     stream
         Where the lines go, if not to stderr; it must take them at once.
     descriptor
-        What stands for stderr.
+        Used as stderr.
     """
 
     def __init__(self, stream: TextIO | None = None, *, descriptor: int = _STDERR) -> None:
@@ -117,7 +117,7 @@ class Journal:
         )
 
     def drain(self) -> list[LogLine]:
-        """Return the lines since the last call, and how many others there were or never reached stderr."""
+        """Return the lines since the last call, and lines on how many were left out or never reached stderr."""
         with self._lock:
             lines = list(self._waiting)
             self._waiting.clear()

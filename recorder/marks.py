@@ -7,13 +7,13 @@ it and without the right to change a recording. Each line is one mark: when it w
 A segment's mark also keeps what a recovery made of it: the last frames before a power cut may be in
 `NAME.mcap.unproven`.
 
-Only the existence of the name counts. Marks are not opened where they are used, so a link, a pipe or a file as large as
-the disk in this folder keeps a segment and does nothing else; `tidy_marks` empties a mark larger than any mark should
-be. Marks beside the segment, as older recorders set them, count too.
+Only the existence of the name counts. Retention does not open marks, so a link, a pipe or a file as large as the disk
+in this folder keeps a segment and does nothing else; `tidy_marks` empties a mark larger than any mark should be. Marks
+beside the segment, as older recorders set them, count too.
 
-The folder is opened once for each use, without following a link, and everything in it is reached through what was
-opened: a link in its place leads nowhere, and what is no mark is left as it is, also in a folder that was somebody's
-before the recorder came.
+The folder is opened once for each use, without following a link, and everything in it is reached through that
+descriptor, so a link in its place leads nowhere. Files in it that are not marks are left alone, even in a folder that
+existed before the recorder.
 
 `recorder mark` sets one.
 """
@@ -44,7 +44,7 @@ from recorder.thresholds import MARK_BYTES, READS_AT_ONCE
 
 MARK_SUFFIX = ".keep"
 MARKS_FOLDER = "marks"
-# What opening says where there is none, or another's: the recorder can always read its own.
+# Errors of opening a folder that does not exist or is somebody else's: the recorder can always read its own.
 _NO_FOLDER = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EACCES, errno.EPERM)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _TRIES = 5
@@ -61,7 +61,7 @@ class Tidied:
     emptied
         Marks that were larger than any mark; they are empty now, and still marks.
     strange
-        Names of what is no mark; it is left as it is.
+        Names of files that are not marks; they are left alone.
     unusable
         Why the folder could not be looked through; empty if it could, or there is none.
     """
@@ -89,7 +89,7 @@ def is_marked(segment: Path) -> bool:
 
 
 class Marks:
-    """The marks in a directory, looked up one by one: listing what a stranger put there may take for ever.
+    """The marks in a directory, looked up one by one: listing a folder that a stranger has filled may take for ever.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Marks:
     Raises
     ------
     OSError
-        From every method, where it is unknown what is marked.
+        From every method, if it cannot be found out what is marked.
     """
 
     def __init__(self, directory: Path, beside: Container[str]) -> None:
@@ -144,7 +144,7 @@ def make_marks_folder(directory: Path) -> None:
 
 
 def tidy_marks(directory: Path) -> Tidied:
-    """Empty the marks that are larger than any mark, and look for what is none; of very many only among the first."""
+    """Empty marks that are larger than any should be, and find files that are no marks; of very many only the first."""
     emptied: list[Path] = []
     strange: list[str] = []
     try:
@@ -300,7 +300,7 @@ def _new_mark(name: str, folder: int) -> int:
 
 
 def _permit(descriptor: int, mode: int) -> None:
-    """Give what was just made these rights, of which the umask may have taken some; a memory stick knows none."""
+    """Give a new file or folder these rights, some of which the umask may have removed; a memory stick has none."""
     with suppress(PermissionError):
         os.fchmod(descriptor, mode)
 

@@ -140,8 +140,8 @@ def recording_name(start: ClockReading) -> str:
 def newest_recording_name(directory: Path, start: ClockReading) -> str:
     """Name a recording so that it sorts after all others, even if the wall clock went back by years.
 
-    It is the start's time, or a second after the newest that is there. Only the name is adjusted: the times inside are
-    the clocks' own.
+    It is named by the time of its start, or a second after the newest recording in the directory. Only the name is
+    adjusted: the times inside are the clocks' own.
 
     Raises
     ------
@@ -192,8 +192,8 @@ def plan_recording(
         reason = f"cannot be made ({error.strerror}); check storage.directory"
         raise FlightNotWrittenError(directory, reason=reason) from error
     if wiring.live:
-        # A full disk that has no room for this folder still has old recordings to delete; `recorder mark` says if it
-        # cannot be used.
+        # No error here: a full disk that has no room for this folder still has old recordings to delete, and `recorder
+        # mark` reports it if the folder cannot be used.
         with suppress(OSError):
             make_marks_folder(directory)
     _remove_begun(directory)

@@ -109,8 +109,7 @@ class Assembly:
             clock_state=self.host.clock_state if live else lambda: clock_name(self.wiring),
             free_bytes=lambda: self.host.free_bytes(self.config.storage.directory),
             temperatures_c=lambda: dict(self.host.temperatures_c()),
-            # A camera that waits for the disk fills the queue as the threads happen to run; that says nothing about the
-            # flight.
+            # If the camera waits for the disk, how full the queue is depends only on how the threads happen to run.
             queued=lambda: len(self.queue) if live else None,
         )
 

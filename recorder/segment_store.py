@@ -3,10 +3,10 @@
     open ──write fails──> in trouble ──try again: soon, then less often──> open, with a new segment
                               full disk: the oldest segments go first
 
-Whatever is not certain to be on the disk is kept (8 MiB or a second of it, see `flight_file.writer`) and written again
-into the new segment; the old one is cut to what is certain, so that each frame is stored once. A file in work that
-somebody deletes, renames or replaces is still open: it gets a name again before the new segment begins. The whole
-directory is made again where somebody deleted it, but not where its disk is missing. During trouble nothing is taken
+Data that are not certain to be on the disk are kept in memory (8 MiB or a second of them, see `flight_file.writer`) and
+written again into the new segment; the old one is cut to what is certain, so that each frame is stored once. A file in
+work that somebody deletes, renames or replaces is still open: it gets a name again before the new segment begins. The
+directory is made again if somebody deleted it, but not if its disk is missing. While the disk fails, nothing is taken
 from the queue, which keeps the newest frames.
 
 The open file itself does not show that it is out of reach: a lazily unmounted disk accepts every byte, and so does a
@@ -93,7 +93,7 @@ def _found(directory: Path) -> os.stat_result:
 
 
 def _make_again(directory: Path, found: os.stat_result, parent: os.stat_result) -> None:
-    """Make a deleted directory again as it was; not where its disk is missing: that one is to come back."""
+    """Make a deleted directory again as it was; but not if its disk is missing, since that may come back."""
     if found.st_dev != parent.st_dev or not os.path.samestat(_found(directory.parent), parent):
         return
     try:
@@ -295,7 +295,7 @@ class SegmentStore:
         while self._writer is not None and self._handed < len(self._pending):
             self._attempt(self._write_next, at)
         if self.trouble is not None:
-            # A full disk may have room for the head of a segment, but not for what waits: only a sync shows it.
+            # A full disk may have room for a segment's head, but not for the waiting data: only a sync shows that.
             self._attempt(lambda writer: writer.sync(at), at)
             if self._writer is not None:
                 self._trouble_is_over(self.trouble, at)
@@ -356,7 +356,7 @@ class SegmentStore:
             self._plan = replace(self._plan, session=session)
 
     def _settle(self, remains: Remains) -> None:
-        """See to it that the frames on the disk, and no others, are in a file that is left behind, or are counted."""
+        """Leave behind a file with exactly the frames that are on the disk; count them as lost if that fails."""
         file = remains.file
         if file is None:
             return

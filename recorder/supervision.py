@@ -48,8 +48,8 @@ class Stop:
 
 def stop_on_signals(stop: Stop) -> None:
     """Let signals that would end the process request `stop` instead."""
-    # A thread of its own waits for them: a handler would run in the middle of whatever the main thread does, and might
-    # find a lock taken. The other threads inherit the mask.
+    # A separate thread waits for them: a handler would interrupt the main thread anywhere, and might find a lock taken.
+    # The other threads inherit the mask.
     signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     # A terminal that goes away must not end a recording.
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -133,10 +133,10 @@ class ServiceManager:
         return cls(environment.get(SOCKET_VARIABLE, ""))
 
     def say(self, *lines: str) -> None:
-        """Send assignments such as `READY=1`, each a datagram of its own and on one line, whatever is in it.
+        """Send assignments such as `READY=1`, each as one line in a datagram of its own.
 
-        So no text can be taken for another assignment, and none that is refused takes another one along. It never
-        waits, and a manager that does not listen is ignored.
+        So no text can be taken for another assignment, and if one is refused, the others still arrive. It never waits,
+        and a manager that does not listen is ignored.
         """
         if not self._address:
             return

@@ -218,7 +218,7 @@ class WriterThread(threading.Thread):
         return self._ended
 
     def _first_word(self) -> Item | None:
-        # Every segment names its camera. A frame never waits for the name: it is itself a sign of the camera.
+        # Wait for the camera's name, which every segment carries; but a frame that comes first does not wait for it.
         waited_s = 0.0
         while waited_s < FIRST_WORD_S and not self._stop_request.is_requested:
             self._heartbeats.disk()
@@ -242,7 +242,7 @@ class WriterThread(threading.Thread):
             item = None
 
     def _finish(self, ended: Ended) -> None:
-        """Close the last segment, however long the disk fails: only a person who asks to stop does not wait for it."""
+        """Close the last segment, however long the disk fails, unless somebody has asked to stop."""
         try:
             self._recording.finish(ended.reason, ended.at)
         except FlightNotWrittenError:

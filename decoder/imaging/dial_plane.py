@@ -94,7 +94,7 @@ def dial_plane(gauge: Gauge, path: str, optics: Optics, inches: Matrix | None) -
 
 
 def _beside(gauge: Gauge, path: str, optics: Optics) -> DialPlane:
-    """Move a gauge drawn as it appears, whose centre may be far off, the way the lens moves its middle."""
+    """Shift a gauge that is drawn as it appears as the lens shifts its middle; its centre may be far outside."""
     at, radius_px = math.radians(sum(gauge.sweep) / 2), sum(gauge.radius) / 2
     away = radius_px * np.array([[math.cos(at)], [math.sin(at)]])
     x, y = (_straight(optics, np.array([gauge.centre], np.float64).T + away, f"{path}.centre") - away)[:, 0].tolist()

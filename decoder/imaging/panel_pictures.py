@@ -44,7 +44,7 @@ class PanelPictures:
     blur_px
         How much less sharp frames are than the panel picture: the sigma of a Gaussian; 0 if they are not.
     blurred
-        The panel picture as sharp as frames; None where it is not sharper.
+        The panel picture blurred to the sharpness of frames; None if it is not sharper than they are.
     places
         Where the panel lies in its other pictures, by name, as far as it was found there.
     """
@@ -80,7 +80,7 @@ class PanelPictures:
         return colours if self.blurred is None else _blurred(colours, self.blur_px)
 
     def as_sharp_as_frames(self, blur_px: float) -> PanelPictures:
-        """Return the same pictures, with dials known as blurred as that: the sigma of a Gaussian."""
+        """Return the same pictures, with dials blurred by a Gaussian of this sigma."""
         return replace(self, blur_px=blur_px, blurred=_blurred(self.picture, blur_px))
 
     @property

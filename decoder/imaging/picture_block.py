@@ -1,7 +1,7 @@
 """Memory for the pictures of a batch, reused for the next one: fresh memory costs a third of a decompression.
 
-A sequential JPEG can be decompressed from the top only as far as needed, at correspondingly less cost: what lies below
-the panel need not be decompressed.
+A sequential JPEG can be decompressed from the top only as far as needed, at correspondingly less cost: the rows below
+the panel are left out.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class TopOfFrame:
 
 
 def top_of(picture: FramePicture | TopOfFrame, rows: int | None) -> FramePicture | TopOfFrame:
-    """Do `PictureBlock.frame` for a frame of which some rows are already decompressed.
+    """Do as `PictureBlock.frame` for a frame of which some rows are already decompressed.
 
     Raises
     ------

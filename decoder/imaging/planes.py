@@ -75,7 +75,7 @@ def camera_over_panel(normalised: Matrix) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Squeeze:
-    """How much longer than it is wide a circle appears, (1 + part) to (1 - part), about its middle.
+    """An ellipse as which a circle appears: its diameters are as (1 + part) to (1 - part).
 
     `across` and `askew` are that part times the cosine and the sine of twice the angle of its longest diameter.
     """
@@ -90,16 +90,16 @@ class Squeeze:
 
     @property
     def aside_deg(self) -> float:
-        """From how far aside a dial is seen that appears like that."""
+        """The angle off axis from which a dial appears like that."""
         part = math.hypot(self.across, self.askew)
         return math.degrees(math.acos((1.0 - part) / (1.0 + part)))
 
     @property
     def turns_off_deg(self) -> float:
-        """By how much a turn is misread on a dial that appears like that, root mean square.
+        """The root mean square error of a turn that is read on a dial that appears like that.
 
-        A turn from an angle to another is off by the part times the difference of the sines of twice both, from the
-        longest diameter; here it begins where that is worst, since all of a flight's turns may begin there.
+        The error of a turn from one angle to another, both from the longest diameter, is the part times the difference
+        of the sines of twice these angles. All turns are assumed to begin where that is worst, as a flight's may.
         """
         return math.degrees(math.sqrt(1.5) * math.hypot(self.across, self.askew))
 

@@ -36,10 +36,11 @@ class PolarGrid:
     """The sample points of one unwrapped gauge.
 
     Row `i` lies at `start_deg + i * step_deg`, column `j` at `inner_px + j * column_px` from `centre`, in panel
-    picture pixels. With `tail_columns`, as many columns precede these, with what lies opposite, across the centre, from
-    the rim inwards; so a row is a whole line through the dial, and includes a needle's tail. With a `plane`, angles and
-    radii are those of the dial seen square on, and it gives their places in the panel picture. What is `raised` above
-    the panel is sampled where the camera sees it. With a `mixture`, it is sampled in that grey.
+    picture pixels. As many `tail_columns` precede these: they hold the opposite side of the dial, across the centre,
+    from the rim inwards, so a row is a whole line through the dial and includes a needle's tail. With a `plane`, angles
+    and radii are those of the dial seen square on, and the plane gives their places in the panel picture. A gauge whose
+    needles are `raised` above the panel is sampled where the camera sees them. With a `mixture`, it is sampled in that
+    grey.
     """
 
     centre: tuple[float, float]
@@ -359,7 +360,7 @@ def needle_pixels(shape: tuple[int, int], touched: Mask, axis_row: float) -> Ind
     start = math.floor(top)
     place = np.zeros((rows + 1, columns), bool)
     place[:rows] = touched
-    if top > start:  # between two rows it touches what it would touch on either
+    if top > start:  # between two rows, it touches the pixels that it would touch on either
         place[1:] |= touched
     first, last = max(start, 0), min(start + rows + 1, shape[0])
     if first >= last:

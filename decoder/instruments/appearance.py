@@ -1,4 +1,4 @@
-"""Instruments as their kinds see them: drawn in a panel, and with their look, which is not part of its description.
+"""What instruments look like, and instruments as their kinds see them: as drawn in a panel, or with a learned look.
 
 At first a needle's template is cut from the panel picture, or given as a cropped unwrapped picture (thesis 3.2.1). The
 face of a dial is the panel picture without its needles; what they hide is filled in with the median of the dial at that
@@ -74,7 +74,7 @@ LearnedPicture = Any
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What one instrument looks like: as `Appearance`, for its own quantities."""
+    """What one instrument looks like: the part of `Appearance` for its own quantities."""
 
     face: UnwrappedGauge
     templates: Mapping[str, NeedleTemplate] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class Look:
 class Appearance:
     """What a panel's instruments look like: from the panel picture alone at first, then from the flight's frames.
 
-    Where things are is the other half of what a flight teaches: `decoder.registration.placement.Placement`.
+    The other half of what is learned from a flight is where things are: `decoder.registration.placement.Placement`.
 
     Attributes
     ----------
@@ -99,14 +99,14 @@ class Appearance:
     pictures
         By quantity, for the kinds that learn more than needles do.
     doubted
-        Needles that were found in only a few of the sampled frames. What is found of them may be what lay behind them
-        in the panel picture.
+        Needles that were found in only a few of the sampled frames. What matched there may be what lay behind them in
+        the panel picture.
     least_at_home
-        By needle that seemed to stand still: the lowest score of a match exactly where it was cut. Print behind it,
-        with the needle elsewhere, may match there too, but less well.
+        For each needle that seemed to stand still, the lowest score to be trusted exactly where it was cut. Print
+        behind it, with the needle elsewhere, may match there too, but less well.
     taught
-        Indices in the panel of the instruments without needles that the flight has taught already: as long as they
-        stay where they are, it teaches the same again. Windows always do: they look the same wherever pivots are.
+        Indices in the panel of the instruments without needles that need not be learned again, since the flight would
+        teach the same as long as they stay where they are. Windows always stay, wherever pivots are.
     """
 
     templates: Mapping[str, NeedleTemplate]
@@ -153,7 +153,7 @@ class Placed:
 class DrawnInstrument(Placed):
     """A gauge and how the panel picture shows it: `strip`, as it is sampled.
 
-    `is_moved` if a flight has put it elsewhere than it was drawn: if no needle shows there, the panel is not at fault.
+    `is_moved` if a flight has moved it from where it was drawn: then it is no error in the panel if no needle shows.
     """
 
     source: PanelPictures
@@ -249,7 +249,7 @@ def needles_in_picture(drawn: DrawnInstrument) -> Look:
 
 
 def rows_to_others(gauge: Gauge, needle: DescribedNeedle, grid: PolarGrid) -> list[float]:
-    """List by how many rows other needles follow this one in the picture from which it was cut."""
+    """List how many rows after this needle the others lie, in the picture from which it was cut."""
     own, turn_deg = needle.template, FULL_CIRCLE_DEG if gauge.is_round else None
     if own.at is None:
         return []
@@ -290,7 +290,7 @@ def _template_picture(
 ) -> Floats:
     """Cut out the needle's picture, (H, C) float32, H odd, with its axis in the middle row.
 
-    One that is as good as gone where the panel picture was blurred is cut as it was taken.
+    A needle that vanishes when the panel picture is blurred to match the frames is cut from the unblurred picture.
     """
     template = needle.template
     rows = odd_rows(template.span_deg, grid.step_deg)

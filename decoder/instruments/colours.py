@@ -1,11 +1,11 @@
 """The grey in which a gauge is read: luma, or a mixture of colours that separates what moves on it from the rest.
 
-A red needle on a teal dial, or a horizon's blue above its brown, may be as bright as what lies beside it, so that luma,
-which is all that frames carry unless asked for more, does not show it. Red alone does. A frame's pixels around the
-gauge are mixed before they are resampled, so that whatever learns and reads sees one grey picture in either case.
+A red needle on a teal dial, or a horizon's blue above its brown, may be as bright as its surroundings. Luma, the only
+component that is normally decoded, then does not show it, but red alone does. A frame's pixels around the gauge are
+mixed before they are resampled, so all code that learns and reads gets one grey picture in either case.
 
 JPEG and video have one colour sample for each two by two pixels. A mixture must separate what moves twice as clearly as
-luma to be better wherever it is read. A window is read in one colour alone: what shines in it adds light to that.
+luma to be better wherever it is read. A window is read in one colour alone, to which anything that shines adds light.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
 
 
 def rows_shown(gauge: Gauge, grid: Grid) -> list[Mask]:
-    """(R,) each: the rows that have to show something: as `needle_rows`, or all of a window or where none is drawn."""
+    """(R,) each: the rows that have to show something: `needle_rows`, or if there are none, all rows."""
     return needle_rows(gauge, grid) or [np.ones(grid.rows, bool)]
 
 
@@ -74,7 +74,7 @@ def in_panels_colours(source: PanelPictures) -> PanelPictures:
 
 
 def _seen_in(source: PanelPictures, gauge: Gauge, index: int) -> Mixture | None:
-    """Return a mixture that shows needles which luma does not; None if luma does, or nothing."""
+    """Return a mixture that shows the needles, if luma does not; None if luma does, or if no mixture does."""
     grid = source.grid(index)
     rows = needle_rows(gauge, grid)
     if not rows:
@@ -104,7 +104,7 @@ def changes_in_luma(grid: Grid, drawn: Floats, seen: Sequence[Floats]) -> bool:
 
 
 def mixtures_for(gauge: Gauge, grid: Grid, drawn: Floats, seen: Sequence[Floats]) -> list[Mixture]:
-    """List what a gauge may be read in: a window in one colour alone, to which what shines in it adds light.
+    """List the mixtures for a gauge: all for a dial; for a window single colours, to which what shines adds light.
 
     `drawn` (R, C, 3) is the gauge in the panel picture, and `seen` the same in some frames.
     """
@@ -123,9 +123,9 @@ def _brightens(grid: WindowGrid, drawn: Floats, seen: Sequence[Floats], parts: N
 
 
 def _in_light(grid: Grid, own: Floats, seen: Sequence[Floats]) -> list[Floats]:
-    """(R, C) for each frame that is lit well enough: a gauge in the light that it is in in the panel picture.
+    """(R, C) for each frame that is lit well enough: the gauge, brought into the panel picture's light.
 
-    What is around a window tells that light, since a lamp is most of what its window shows.
+    The light on a window is measured around it, since a lamp may fill most of the window.
     """
     if isinstance(grid, WindowGrid) and grid.margin:
         around = np.ones(own.shape, bool)
@@ -146,8 +146,9 @@ def best_mixture(
     seen
         The same in some frames.
     needles
-        As `needle_rows`: the one that luma shows least clearly counts, and no other may be less clear than it was; if
-        that is clear, so do the two that it tells apart least. Without any, all that changes between frames.
+        As `needle_rows`. The mixture must show the needle that is least clear in luma better, and no other may become
+        less clear than that one was; if no mixture does, the same test is applied to the two needles that luma
+        distinguishes least. Without needles, everything that changes between frames is compared.
     choice
         As `mixtures_for`.
     """
@@ -170,11 +171,11 @@ def best_mixture(
 def _clearness(
     grid: Grid, drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]
 ) -> list[float]:
-    """Return the contrast of each needle against the usual dial, and of any two; or of all that moves.
+    """Return the contrast of each needle against the usual dial, and of each two needles; or of all that moves.
 
-    In sigmas of noise: each colour has at least that of sensors and JPEGs, or more if the stillest part of the dial
-    differs by more. All that moves is a small part of all pixels: where noise alone moves, it is as clear as what
-    just counts as clear.
+    Contrasts are in sigmas of noise. The noise of each colour is at least that of sensors and JPEGs, and more if the
+    stillest part of the dial differs by more. Without needles, all pixels count although few of them move, so the
+    contrast is scaled: noise alone just reaches the limit for a clear contrast.
     """
     weights = parts.astype(np.float32)
     own = drawn @ weights
@@ -191,7 +192,7 @@ def _clearness(
 
 
 def _difference(one: Floats, other: Floats) -> Floats:
-    """(C,): subtract what two needles (R, C) show most clearly of themselves, at each distance from the centre.
+    """(C,): subtract the clearest pixels of two needles (R, C), at each distance from the centre.
 
     Only rows close to their drawn axes count: another needle may be in those around.
     """

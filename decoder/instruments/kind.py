@@ -1,6 +1,6 @@
-"""What the rest of the program needs of a kind of instrument: one protocol.
+"""The protocol by which a kind of instrument is learned and read.
 
-How a kind is described and drawn is in `decoder.panel.kind`.
+The one by which it is described and drawn is in `decoder.panel.kind`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from decoder.registration.pivot import Pivot
 
 
 class Kind(Protocol):
-    """One kind of instrument: all that the rest of the program needs of it."""
+    """One kind of instrument, as the rest of the program learns and reads it."""
 
     is_searched: bool
     """Whether its gauges are searched on every third row and column of each frame."""
@@ -50,13 +50,13 @@ class Kind(Protocol):
     def learned_pictures(
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
-        """Learn, by quantity and from a sample's frames in one light, its look beyond face and templates."""
+        """Learn its look beyond face and templates from a sample's frames in one light; the result is by quantity."""
         ...
 
     def hidden_look(
         self, instrument: Instrument, appearance: Appearance, strips: Sequence[UnwrappedGauge]
     ) -> Look | None:
-        """Learn what the panel picture hides from a sample's frames in its light; None if there is nothing to learn."""
+        """Learn, from a sample's frames in the panel picture's light, what that picture hides; None if nothing."""
         ...
 
     def pivot(self, instrument: Instrument, appearance: Appearance, frames: Sequence[SeenGauge]) -> Pivot:
@@ -64,24 +64,24 @@ class Kind(Protocol):
         ...
 
     def far_pivot(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
-        """Return how far from its centre it turns, (x, y) px in its own plane; None if it is near, or unknown.
+        """Return its pivot relative to its centre, (x, y) px in its own plane; None if that is near, or unknown.
 
         `strips` are a sample's frames in the panel picture's light.
         """
         ...
 
     def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
-        """Return how it appears squeezed, since it is seen from aside, in a sample's frames.
+        """Return how an oblique view squeezes it in a sample's frames; None if that is unknown or does not matter.
 
-        None if it is unknown, or does not matter: what `is_lost` is squared up, and what is read has to allow for it.
+        An instrument that `is_lost` is then squared up; the uncertainty of one that is read allows for the squeeze.
         """
         ...
 
     def seen_deg(
         self, instrument: Instrument, own: UnwrappedGauge, strips: Sequence[UnwrappedGauge]
     ) -> Sequence[tuple[float, float]]:
-        """Return, for what turns, where it is drawn and where the panel picture shows it around its pivot.
+        """Return for each turning part its drawn angle, and that at which the panel picture shows it around its pivot.
 
-        What a picture cannot tell (a card), or what never moves, is left out.
+        Parts that never move are left out, and those for which one picture cannot tell, such as a card.
         """
         ...

@@ -1,6 +1,6 @@
-"""The kinds of instrument there are.
+"""The table of all kinds of instrument.
 
-Whatever reads, learns or draws asks here for a gauge's kind, and uses only that. A new kind is a module in `kinds`, a
+All code that reads, learns or draws gets a gauge's kind here, and uses only that. A new kind is a module in `kinds`, a
 line in `KINDS`, and its part of the schema in `decoder.panel.gauge`.
 """
 

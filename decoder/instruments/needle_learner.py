@@ -29,7 +29,7 @@ Templates = Mapping[str, NeedleTemplate]
 
 @dataclass(frozen=True)
 class NeedleLearner:
-    """What a sample tells of the needles of one gauge, and of what they turn over.
+    """Learns the needles of one gauge, and the face that they turn over, from a sample.
 
     Attributes
     ----------
@@ -92,9 +92,9 @@ class NeedleLearner:
     ) -> NeedleTemplate:
         """Learn a needle from its cuts, keeping the zero of the panel's own template.
 
-        The frames tell the needle's shape, but not where its axis is, since all cuts share the error of the template
-        that found them. Fitting the learned needle to the given template, over the face behind it, shows that error,
-        and the cuts are moved by it.
+        The frames show the needle's shape, but not its axis, since all cuts share the error of the template that found
+        them. Fitting the learned needle to the given template, over the face behind it, shows that error, and the cuts
+        are moved by it.
         """
         behind = face_behind(face, self.grid, self._needles[name].at_deg, before.rows)
         both = face, behind

@@ -1,4 +1,4 @@
-"""Needle lines: how far a needle is tilted from the radius, from which its pivot is estimated."""
+"""Needle lines: how far needles are tilted from the radius; their pivot is estimated from these tilts."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class _Columns:
         return cls(gauge, tuple(quantity.name for quantity in gauge.quantities), together)
 
     def told(self, found: Mapping[str, Reading], *, is_whole: bool) -> dict[str, Reading]:
-        """Return by name what the gauge tells in one frame."""
+        """Return the gauge's readings in one frame by name, with the common value of several hands."""
         if not is_whole:
             unread = Reading(Status.MISSING, np.nan, np.inf, 0.0)
             return dict.fromkeys([*self.names, *([] if self.together is None else [self.together])], unread)
@@ -273,7 +273,7 @@ class PanelReader:
         ]
 
     def _shown(self, frame: UnwrappedFrame) -> list[bool]:
-        """Decide for each gauge whether to read it: all of it lies in the frame, or half of a dial with one needle."""
+        """Decide for each gauge whether to read it: if all of it is in the frame, or half of a dial with one needle."""
         if all(frame.whole) or frame.size_px is None:
             return list(frame.whole)
         return [is_whole or self._is_half_in_sight(frame, index) for index, is_whole in enumerate(frame.whole)]
@@ -295,8 +295,8 @@ class PanelReader:
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
         """Return the readings with those marked missing that belong to doubted needles and do not match well.
 
-        A doubted value that several hands tell together goes missing with them: its score is that of the hands that
-        show, but those that do not may count its turns.
+        A doubted value of several hands is missing if one of them is: its score is that of the hands that show, but
+        hidden ones may count its turns.
         """
         checked = dict(readings)
         for index, (gauge, is_whole) in enumerate(zip(self.source.panel.gauges, frame.whole, strict=True)):
@@ -313,7 +313,7 @@ class PanelReader:
     def _printed(self, readings: Mapping[str, Reading]) -> Iterator[tuple[str, Reading]]:
         """Yield needles that match exactly where they were cut, but worse than usual there.
 
-        What matches may be the print that was behind it, and the needle anywhere.
+        The match may be print that was behind the needle, and the needle may be anywhere.
         """
         for gauge in self.source.panel.gauges if self.appearance.least_at_home else ():
             first_deg, last_deg = gauge.sweep
@@ -387,8 +387,8 @@ def appearance_from_panel(
 ) -> Appearance:
     """Let each instrument's kind take its look from the panel's own pictures.
 
-    Windows keep what is `known`, but for those that are seen `otherwise` than before, by their indices; dials do not,
-    but for those without needles that `stay`.
+    Windows keep the look that is `known`, except those (by index) that are sampled `otherwise` than before. Dials take
+    a new look, except those without needles (by index) that `stay`.
 
     Raises
     ------
@@ -410,7 +410,7 @@ def appearance_from_panel(
             looks.append(
                 kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip, known is not None))
             )
-    # a needle cut from a single picture need not match others better than any match must, whatever the light
+    # a needle cut from a single picture may match no better than the threshold even in even light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
     return seen if known is None else replace(seen, taught=known.taught & kept)
 

@@ -51,7 +51,7 @@ class Reading:
 
     @property
     def is_seen(self) -> bool:
-        """Whether something of the needle was seen. One that is hidden may also be one that was not found."""
+        """Whether something of the needle was seen; one that is hidden may also be one that was not found."""
         return self.status in (Status.READ, Status.EDGE)
 
     def is_at(self, angle_deg: float | None) -> bool:

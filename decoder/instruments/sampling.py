@@ -1,8 +1,8 @@
 """Sampling: grey levels of a panel's unwrapped gauges, straight from a frame's pixels, on demand.
 
 The samples of all gauges are numbered consecutively, gauge by gauge, row by row; so a number means the same place in
-every frame. The searched samples of gauges are taken at once, their others as windows are needed; gauges that are not
-searched are taken whole, all together when the first is needed.
+every frame. The searched samples of gauges are taken at once, the rest when a window needs them. Gauges that are not
+searched are sampled whole, all together when the first is needed.
 """
 
 from __future__ import annotations
@@ -263,7 +263,7 @@ class Reader(Protocol):
     """Reads all instruments of one kind on a panel, in many frames at once."""
 
     def read(self, frames: Sequence[Samples], place_sigmas_deg: Floats) -> Readings:
-        """Read F frames; `place_sigmas_deg` (F, gauges) is the angles' uncertainty from the dials' places."""
+        """Read F frames; `place_sigmas_deg` (F, gauges) is the angles' uncertainty due to the dials' positions."""
         ...
 
 

@@ -15,8 +15,8 @@ from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, Quantity, Scale, in_turn
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 
-# Over a scale, or over a pointer's turn, causes vary no faster than a sine over a turn, in degrees; the value of a
-# degree changes around each mark as far as a value's interval reaches.
+# In degrees, causes vary along a scale, or over a pointer's turn, no faster than a sine over a turn. In values, they
+# also change around each mark, where the value of a degree changes, as far as a value's interval reaches.
 PLACES = 17
 AROUND = (-1.0, 0.0, 1.0)
 

@@ -1,10 +1,11 @@
-"""Marks of gauges whose centres are drawn far from where needles turn: points, or angles.
+"""Whether the marks of gauges with a wrong centre were clicked as points, or given as angles.
 
 Somebody who clicks on a mark, and on a wrong centre, gives the mark's direction as seen from that centre. Seen from the
 right one, it differs by up to half a degree for each hundredth of the radius. Somebody who reads angles off the dial
-gives the right ones. A panel does not say which, but its needles and its scales do. Each needle is drawn where the
-panel picture shows it, as seen from one centre or the other; and most scales are even around one of them only, just as
-a circle's marks seen from off-centre are closer together on one side. The same hand drew them all.
+gives the right ones. A panel does not say which, but its needles and scales give it away. Each needle is drawn where
+the panel picture shows it, as seen from one centre or the other; and most scales are even around only one of the two,
+since evenly spaced marks seen from off-centre are closer together on one side. The answer is the same for all gauges of
+a panel, because the same person drew them.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale
 
-# How precisely an ordinary hand draws needles and marks, and needles are seen in the panel picture.
+# How precisely people usually draw needles and marks, and how precisely the panel picture shows needles.
 ANGLE_DEG = 1.5
 # Prior: angles are more likely. A needle above its dial appears to turn elsewhere although its angles are right.
 PRIOR_LOG_ODDS = -3.0
 # Least squares for the middle of a ring converge within this many steps from a tenth of its radius.
 MIDDLE_STEPS = 4
-# Until a panel has more marks than these, its hand counts as an ordinary one.
+# With fewer marks than these, a panel is assumed to be drawn with ordinary care.
 ORDINARY_MARKS = 5
 
 Seen = Sequence[tuple[float, float]]
@@ -56,7 +57,7 @@ def _of_needles(gauge: Gauge, path: PivotPath, seen: Seen) -> float:
 
 
 def log_odds_of_scales(gauge: Gauge, path: PivotPath) -> float:
-    """Estimate these log odds from the scales of a gauge as it is drawn whose pivot was moved."""
+    """Estimate the log odds that a gauge's marks are points, from its scales as drawn and how far its pivot moved."""
     return sum(
         log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
         for angles_deg, values, turn in _scales(gauge)
@@ -72,7 +73,7 @@ def _scales(gauge: Gauge) -> Iterator[tuple[Sequence[float], Sequence[float], fl
 
 
 def uneven_deg(quantity: Quantity) -> float:
-    """Return how far a scale's marks are from even ones, as a standard deviation: of all, or of the worst if larger.
+    """Return how far a scale's marks are from even spacing: their standard deviation, or half of the worst if larger.
 
     Only a scale whose full turn has a known value is known to be even; for others it is zero.
     """
@@ -86,10 +87,10 @@ def uneven_deg(quantity: Quantity) -> float:
 
 
 def marks_missed_px(gauges: Sequence[Gauge]) -> float:
-    """Estimate how far a hand missed marks beyond HAND_PX, as a standard deviation, from how smooth its scales are.
+    """Estimate the standard deviation of drawing errors of marks in excess of HAND_PX, from how uneven scales are.
 
-    All scales of a panel are drawn by the same hand, so a few marks where a scale's pace changes do not matter; where
-    there are few marks at all, the hand counts as an ordinary one: as if it had drawn ORDINARY_MARKS more.
+    The same person drew all scales of a panel, so a few marks where a scale's spacing changes do not matter. A panel
+    with few marks is assumed to be drawn with about ordinary care, as if it had ORDINARY_MARKS more of that kind.
     """
     scales = [(gauge.radius[1], scale) for gauge in gauges for scale in _scales(gauge)]
     beside_px = [abs(radius_px * beside) for radius_px, scale in scales for beside in _beside_neighbours(*scale)]
@@ -99,10 +100,11 @@ def marks_missed_px(gauges: Sequence[Gauge]) -> float:
 
 
 def _beside_neighbours(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Iterator[float]:
-    """Yield by how much more than the next each mark is off its two neighbours, in radians, scaled to one mark's error.
+    """Yield for each mark how far it is off its two neighbours, minus the same of the next, in radians.
 
-    So neither a curve nor being seen from off its middle counts. Nor does a mark at which the pace changes by half, for
-    scales are made so; and two marks of a full turn are always even. One mark between two others has no next.
+    Each is scaled to one mark's error. Because of the difference, neither a curved scale nor a view from off-centre
+    counts. Nor do marks at which the spacing changes by half, since some scales are made so; and two marks of a full
+    turn are always even. If only one mark has two neighbours, its own deviation is yielded.
     """
     if len(values) < 3:  # noqa: PLR2004 - one between two
         return
@@ -122,7 +124,7 @@ def _beside_neighbours(angles_deg: Sequence[float], values: Sequence[float], tur
 def middle_of_marks_px(gauge: Gauge) -> Vector | None:
     """Find the place from which the marks of a drawn gauge are even, if they are points: (x, y) from its centre.
 
-    Only a scale that goes all the way round tells, and only if it has enough marks: two are always even from somewhere.
+    None unless a scale goes all the way round with enough marks: two marks are always even from somewhere.
     """
     around = [(angles_deg, values, turn) for angles_deg, values, turn in _scales(gauge) if turn is not None]
     if not around:
@@ -164,7 +166,7 @@ def log_odds_of_even(drawn_deg: Floats, carried_deg: Floats) -> float:
     """Weigh how far a scale is from even as it was drawn against how far if its marks were points.
 
     Residuals are normally distributed with an unknown spread of at least `ANGLE_DEG`, so a scale that is uneven either
-    way tells little.
+    way counts for little.
     """
     drawn, carried = (ANGLE_DEG**2 + float(beside @ beside) for beside in (drawn_deg, carried_deg))
     return len(drawn_deg) / 2 * math.log(drawn / carried)

@@ -1,7 +1,7 @@
 """The fit of a reader to a flight: align a sample, learn appearance, estimate pivots; repeated until it converges.
 
-Each round unwraps the sample around the present pivots, and estimates their distance from where needles turn. The
-remaining distance is added to the readings' uncertainty.
+Each round unwraps the sample around the current pivots, and estimates how far they are from where needles turn. What
+remains of that distance is added to the readings' uncertainty.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ from decoder.registration.pivot import Pivot
 from decoder.registration.placement import Placement
 
 ROUNDS = 8
-# Repeated, since a pivot is found more surely the nearer to it the needle is cut.
+# Repeated, since the nearer to its pivot a needle is cut, the more surely the pivot is found.
 FAR_ROUNDS = 3
 
 
@@ -81,13 +81,13 @@ class FittedReader:
     uncertainties
         By quantity: uncertainty of its readings beyond that from their frames.
     moved_px
-        By gauge whose needles turn elsewhere than the panel says: (x, y).
+        For each gauge whose needles turn elsewhere than the panel says: (x, y).
     unsettled
         Gauges whose pivots did not converge.
     squeezes
-        By gauge in the panel's order: how it appears squeezed, if it was squared up; else None.
+        For each gauge in the panel's order, how the view squeezes it, if it was squared up; else None.
     allowed
-        In the same order: how those that were not appear squeezed, if the flight told.
+        In the same order: how the view squeezes the gauges that were not squared up, if the flight shows it.
     has_points
         Whether angles were taken as points around the drawn centres.
     sampled
@@ -240,23 +240,23 @@ class _Known:
     missing: float
 
     def back_from(self, now: _Known) -> PivotPath:
-        """Return the way back here if the gauge was then lost, else the path as it is.
+        """Return the path back to this pivot if the gauge was lost after it moved on, else the path `now`.
 
-        What was lost in many frames here as well may have been read wrongly.
+        There is no way back if it was missing in many frames here as well: it may have been read wrongly in the rest.
         """
         is_better = self.missing <= HALF * HALF and now.missing > HALF
         return now.path.back_to(self.path) if is_better else replace(now.path, step_px=None)
 
 
 def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[_Known] = ()) -> list[_Known]:
-    """By gauge: the path on which it was missing least, the last of these."""
+    """For each gauge, return the latest of the paths on which it was missing least."""
     gauges = last.reader.source.panel.gauges
     now = [_Known(path, missing_part(gauge, last.found)) for gauge, path in zip(gauges, paths, strict=True)]
     return [min(new, old, key=lambda each: each.missing) for new, old in zip(now, before or now, strict=True)]
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
-    """Learn a first time: in the colours that show best what moves, lost dials squared up or centred on their marks."""
+    """Learn a first time, then again in better colours, with lost dials squared up or centred on their marks."""
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     placed = as_sharp_as_frames(placed, samples)
@@ -265,7 +265,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     coloured = in_best_colours(placed, lost, sample)
     starts = _middles_of_marks(gauges, begun.paths, last.found)
     before = last.found
-    # Less is often missing for what lies over a dial.
+    # A quarter is enough: more may be missing because something else lies over the dial.
     squeezes = _squeezes(begun, [missing_part(gauge, before) > HALF * HALF for gauge in gauges], is_lost=True)
     if coloured is placed and not any(starts) and not any(squeezes):
         return begun, last
@@ -286,14 +286,14 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
         None if {needle.name for needle in gauge.turning} & doubted else start
         for gauge, start in zip(gauges, starts, strict=True)
     ]
-    if told != starts or helpful != squeezes:  # nothing is found so either
+    if told != starts or helpful != squeezes:  # some of these did not help
         del begun, last
         begun, last = again(told, helpful)
     return begun, last
 
 
 def _allowed(begun: _Recentred, last: _Round) -> tuple[Squeeze | None, ...]:
-    """By gauge that is read as it is: how it appears squeezed, for its sigma to allow for."""
+    """For each gauge that is read without being squared up, estimate its squeeze, so that sigma allows for it."""
     return _squeezes(
         begun,
         [
@@ -305,7 +305,7 @@ def _allowed(begun: _Recentred, last: _Round) -> tuple[Squeeze | None, ...]:
 
 
 def _squeezes(begun: _Recentred, wanted: Sequence[bool], *, is_lost: bool) -> tuple[Squeeze | None, ...]:
-    """By gauge that is wanted: how it appears squeezed, as one that is lost, or one that is read as it is."""
+    """Estimate the squeeze of the wanted gauges: `is_lost` is passed on to their kinds; None for the others."""
     if not any(wanted):
         return (None,) * len(wanted)
     return tuple(
@@ -317,7 +317,7 @@ def _squeezes(begun: _Recentred, wanted: Sequence[bool], *, is_lost: bool) -> tu
 def _middles_of_marks(
     gauges: Sequence[Gauge], paths: Sequence[PivotPath], found: Sequence[Mapping[str, Reading]]
 ) -> list[Vector | None]:
-    """By gauge hardly read as drawn: the centre around which its marks are even, if that is elsewhere; else None."""
+    """For each gauge rarely read as drawn, return another centre around which its marks are even, or None."""
     doubted = _doubted(found)
     return [
         middle_of_marks_px(gauge) if not path.is_far and {each.name for each in gauge.turning} & doubted else None
@@ -364,8 +364,8 @@ def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Sequence[Ma
 class _Recentred:
     """A reader that has not learned yet, around pivots that are far from the drawn centres.
 
-    `samples` are unwrapped by it, `paths` say by gauge how far its pivot was moved, and `log_odds` how likely marks are
-    points rather than angles. Angles of the gauges as `drawn` are as `squeezes`, by gauge, have squared them up.
+    `samples` are unwrapped by it, `paths` are by gauge how far its pivot was moved, and `log_odds` is how likely marks
+    are points rather than angles. The angles of the gauges in `drawn` already allow for `squeezes`, by gauge.
     """
 
     reader: PanelReader
@@ -391,7 +391,7 @@ def _around_far_pivots(
         ]
         reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
-    if reader.placement.dials_move:  # a raised needle's ridges lie beside its pivot, and tilts need no ridges
+    if reader.placement.dials_move:  # a raised needle's ridges miss its pivot, so leave gauges that are read to tilts
         found = _read(reader, samples)
         paths = [
             path if missing_part(gauge, found) > HALF * HALF else replace(path, is_found=True)
@@ -421,7 +421,7 @@ def _around_far_pivots(
 def _log_odds(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], drawn: Sequence[Gauge], paths: Sequence[PivotPath]
 ) -> float:
-    """Return the log odds that a panel's angles are points, by its scales and the needles that turn far off."""
+    """Return the log odds that a panel's angles are points, from its scales and needles with far-off pivots."""
     is_far = [
         math.hypot(*path.beside_px) > FAR_PART * gauge.radius[1] for path, gauge in zip(paths, drawn, strict=True)
     ]
@@ -504,7 +504,7 @@ def around_pivots(
     drawn: Sequence[Gauge],
     lifts_missing: Sequence[float] = (),
 ) -> PanelReader:
-    """Return a reader of the panel with its pivots moved by these steps, which has not learned around them yet.
+    """Return a reader of the panel with its pivots moved by these steps; it has not learned around them yet.
 
     Parameters
     ----------
@@ -536,7 +536,7 @@ def around_pivots(
 
 
 def squared_up(reader: PanelReader, squeezes: Sequence[Squeeze | None]) -> PanelReader:
-    """Return a reader of the panel with dials that appear squeezed squared up, which has not learned them so yet."""
+    """Return a reader of the panel with squeezed dials squared up; it has not learned them again yet."""
     gauges, planes = list(reader.source.panel.gauges), list(reader.source.planes or (None,) * len(squeezes))
     for index, squeeze in enumerate(squeezes):
         if squeeze is not None:
@@ -549,7 +549,7 @@ def squared_up(reader: PanelReader, squeezes: Sequence[Squeeze | None]) -> Panel
 def _redrawn(
     reader: PanelReader, gauges: Sequence[Gauge], planes: Sequence[DialPlane | None], placement: Placement
 ) -> PanelReader:
-    """Return a reader of the panel with its gauges drawn otherwise, which knows of them what the panel shows."""
+    """Return a reader of the panel with its gauges drawn differently; it knows them from the panel's pictures only."""
     panel = reader.source.panel.model_copy(update={"gauges": tuple(gauges)})
     source = replace(reader.source, panel=panel, planes=tuple(planes))
     unwrapped, method = UnwrappedPanel(source, reader.drawn.aligner), reader.method

@@ -96,9 +96,9 @@ def kept_where_better(
     views: LitViews,
     found: Sequence[Readings],
 ) -> tuple[PanelReader, Sequence[Readings]]:
-    """Keep what gauges `learned` unless it loses most of what was `found`, and return its readings too.
+    """Keep what was `learned` of each gauge unless it loses most of what was `found`; return the readings too.
 
-    A thin needle that is barely told from its dial may be learned as noise.
+    A thin needle that hardly differs from its dial may be learned as noise.
     """
     gauges, again = reader.source.panel.gauges, _read(learned, samples)
     worse = set()
@@ -115,12 +115,11 @@ def kept_where_better(
 def learn_likely_needles(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
 ) -> tuple[PanelReader, Sequence[Readings]]:
-    """Learn gauges again from needles' likely matches, as long as each time fewer needles are missing.
+    """Learn gauges again from needles' likely matches, as long as that finds more needles; return the readings too.
 
     A frame with one missing needle teaches nothing about the dial below the others, and a needle that is over print in
-    only a few frames is missing until the dial there is known. What was found before must be found where it was. A
-    needle that most frames lack is learned from these matches, too: it has no better ones. Return the reader with its
-    readings.
+    only a few frames is missing until the dial there is known. Needles that were found before must be found in the same
+    place. A needle that is missing in most frames is itself learned from its likely matches: it has no better ones.
     """
     gauges = reader.source.panel.gauges
     of = {index for index, gauge in enumerate(gauges) if isinstance(reader.grids[index], PolarGrid)}
@@ -143,7 +142,7 @@ def learn_likely_needles(
 def learn_hidden_looks(
     reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
 ) -> tuple[PanelReader, Sequence[Readings]]:
-    """Learn what the panel picture hides, where a kind can tell where it is; return the reader with its readings."""
+    """Learn parts that the panel picture hides, if their kind can locate them; return the reader with its readings."""
     before = reader.appearance
     faces, templates = list(before.faces), dict(before.templates)
     for index, (gauge, grid, seen) in enumerate(zip(reader.source.panel.gauges, reader.grids, views, strict=True)):
@@ -160,19 +159,19 @@ def learn_hidden_looks(
 
 
 def is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
-    """Whether something that a gauge tells is missing in most frames."""
+    """Whether some value of a gauge is missing in most frames."""
     return missing_part(gauge, found) > HALF
 
 
 def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
-    """Return the part of frames in which the most often missing of what a gauge tells is missing."""
+    """Return the part of frames in which a gauge's value is missing; of several, the one missing most often."""
     return max(_missing_parts(gauge, found), default=0.0)
 
 
 def finds_more(gauge: Gauge, before: Sequence[Readings], after: Sequence[Readings]) -> bool:
-    """Whether less of what a gauge tells is missing than before, and nothing is lost, or less than was.
+    """Whether fewer values of a gauge are missing than before, and none is lost, or fewer than before.
 
-    A bug that is lost either way says nothing against what finds the card below it.
+    So a bug that is lost either way does not count against a change that finds the card below it.
     """
     were, are = (_missing_parts(gauge, found) for found in (before, after))
     were_lost, are_lost = (sum(part > HALF for part in parts) for parts in (were, are))
@@ -180,14 +179,14 @@ def finds_more(gauge: Gauge, before: Sequence[Readings], after: Sequence[Reading
 
 
 def _missing_parts(gauge: Gauge, found: Sequence[Readings]) -> list[float]:
-    """Return the part of frames in which each quantity that a gauge tells is missing."""
+    """Return for each quantity of a gauge the part of frames in which it is missing."""
     together = () if gauge.combination is None else (gauge.combination.quantity,)
     missing = [[own[each.name].status is Status.MISSING for own in found] for each in (*gauge.quantities, *together)]
     return [sum(each) / max(len(found), 1) for each in missing]
 
 
 def _as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:
-    """Treat missing needles with likely matches as found; those of gauges that are lost teach their looks as well."""
+    """Treat missing needles with likely matches as EDGE or, if they match well on a lost gauge, as READ to teach."""
     lost = {each.name for gauge in gauges if is_lost(gauge, found) for each in gauge.quantities}
 
     def likely(name: str, reading: Reading) -> Reading:

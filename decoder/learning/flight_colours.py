@@ -31,15 +31,16 @@ Frame = GreyPicture | FramePicture | TopOfFrame
 
 
 def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[int], Iterable[Frame]]) -> PanelReader:
-    """Let gauges be read in the grey that shows best what moves; return the same reader if nothing changes.
+    """Read gauges in the mixture of colours that best shows what moves; return the same reader if nothing changes.
 
     Parameters
     ----------
     lost
-        The gauges that may not be visible as they are read now. Others stay as they are, but for windows in which that
-        grey shows no change at all: a lamp that turns from green to red is read without a doubt, and never lit.
+        The gauges that may not be visible as they are read now. The others keep their mixture, except windows in which
+        luma shows no change at all: a lamp that turns from green to red would otherwise be read confidently, as never
+        lit.
     sample
-        Gives frames of the flight: a few show what turns; a lamp is lit in some frames only.
+        Returns frames of the flight. A few show what turns; windows need more, as a lamp is lit in some frames only.
     """
     source = reader.source
     gauges, grids = source.panel.gauges, reader.grids

@@ -1,10 +1,10 @@
-"""How much less sharp a flight's frames are than the panel picture, so that dials are known as sharp as they appear.
+"""Focus: how much less sharp a flight's frames are than the panel picture, which is then blurred to match.
 
-A needle cut from a sharper picture matches a blurred one badly, and a thin one not at all. The panel picture is taken
-on the ground, with another camera perhaps; the flight through a lens out of focus, a dusty glass, or with fewer pixels.
-What is lost is seen from how much of each spatial frequency of a dial reaches the frames: over a few frequencies, a
-Gaussian blur whatever the lens. Noise, light and needles that moved change all frequencies alike. Cards and horizons do
-not, and are left out; what a dial lies beside its place shifts the waves of each sector, which is left out.
+A needle cut from a sharper picture matches a blurred one badly, and a thin one not at all. The panel picture may be
+taken on the ground with another camera, and the flight through a lens out of focus, a dusty glass, or with fewer
+pixels. The blur is measured by how much of each spatial frequency of a dial reaches the frames: over a few frequencies,
+any lens blurs like a Gaussian. Noise, light and needles that moved change all frequencies alike. Cards and horizons do
+not, and are left out. A dial slightly off its place only shifts the phases within each sector, which are ignored.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SECTOR_DEG = 60.0
 
 
 def as_sharp_as_frames(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> PanelReader:
-    """Blur the panel's dials as far as the samples are blurred; return the same reader if they are as sharp."""
+    """Blur the panel's dials as much as the samples are blurred; return the same reader if these are as sharp."""
     gauges = reader.source.panel.gauges
     found = [
         blurs_px2(grid, own, [sample.gauges[index] for sample in samples if sample.whole[index]])
@@ -56,10 +56,10 @@ def as_sharp_as_frames(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -
 
 
 def blurs_px2(grid: PolarGrid, own: UnwrappedGauge, seen: Sequence[UnwrappedGauge]) -> list[float]:
-    """Return the variance of the Gaussian that blurs a dial (R, C) as in frames (R, C), by frame; below 0 if sharper.
+    """Return for each frame the variance of the Gaussian that blurs a dial (R, C) as much; negative if it is sharper.
 
     It is the slope of the logarithm of the modulation transfer over the square of the frequency, along the radius.
-    Frames that show too few frequencies tell nothing.
+    Frames that show too few frequencies are left out.
     """
     known = _waves(grid, own)
     power = (np.abs(known) ** 2).sum(axis=0)

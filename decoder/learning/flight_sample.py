@@ -1,4 +1,4 @@
-"""The sample of a flight that its reader is fitted to, and what it tells of where the camera is."""
+"""The sample of a flight to which its reader is fitted, and the camera's usual place according to it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ KEPT_BYTES = 144 * 2**20
 
 Taken = FramePicture | TopOfFrame
 
-# Needles tell less of their pivots where anchors and dials shift relative to each other.
+# More frames are needed to find pivots if anchors and dials shift relative to each other.
 MORE_FRAMES = 3 * SAMPLE_FRAMES
 
 Sample = Callable[[int], Iterable[GreyPicture | FramePicture | TopOfFrame]]
@@ -221,7 +221,7 @@ def _never_rolls(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bool
     sigmas = []
     for alignment in (sample.alignment for sample in samples):
         known = alignment.covariance
-        # A round anchor does not tell, and neither does an alignment by a shift.
+        # A round anchor shows no roll, and neither does an alignment by a shift.
         if known is not None and known.model is Model.RIGID and known.covariance[2, 2] > 0.0:
             roll_px = math.radians(alignment.roll_deg - reader.placement.usual.roll_deg) * known.axes.lever_px
             sigmas.append(roll_px / math.sqrt(known.covariance[2, 2]))

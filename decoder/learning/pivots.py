@@ -6,8 +6,8 @@ pivot to a few hundredths of a pixel, whatever the needle looks like. A pivot th
 pixels wide makes readings swing by a degree and a half either way.
 
 The panel picture is one more frame, in which all needles' angles are known: the tilt of a needle there gives its pivot
-even if it hardly moves in flight. Where a needle tells little, an error of half a pixel must be assumed; but if the
-other gauges of the panel turn within hundredths of a pixel of where they are drawn, so does this one.
+even if it hardly moves in flight. If a needle gives little information, an error of half a pixel must be assumed; but
+if the other gauges' pivots are within hundredths of a pixel of where they are drawn, so is this one.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def empirical_bayes(
 
 @dataclass(frozen=True, slots=True)
 class _Told:
-    """What a gauge's own needles tell of its pivot's offset from where it is drawn, without a prior.
+    """The information of a gauge's own needles on its pivot's offset from where it is drawn, without a prior.
 
     `information` (2, 2) is the inverse covariance, `product` (2,) the information times the offset.
     """
@@ -169,10 +169,10 @@ def _replaced(pivot: Pivot, moved_px: tuple[float, float], mean_px: Floats, cova
 
 
 def care_part(paths: Sequence[PivotPath], pivots: Sequence[Pivot], gauges: Sequence[Gauge]) -> float:
-    """Estimate how far a panel's centres are drawn from their pivots, per axis, from gauges whose needles tell.
+    """Estimate how far a panel's centres are drawn from their pivots, per axis, from gauges whose needles show it.
 
-    As a part of the radius, since a hand misses by more on a larger dial. It is the standard deviation of the normal
-    distribution with the same median.
+    The result is a part of the radius, since people miss by more on a larger dial. It is the standard deviation of the
+    normal distribution with the same median.
     """
     told = [
         math.hypot(*path.beside_px) / gauge.radius[1]

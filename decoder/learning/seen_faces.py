@@ -2,8 +2,8 @@
 
 A needle cut from one picture includes the marks behind it. If these are brighter than a dim needle, they match
 themselves in every frame, and the needle seems to stay where it is in the panel picture. If most frames show something
-else there, that is the dial. Without this, a thin needle, or one over a numeral, is not found in any frame of some
-flights.
+else in that place, it is the dial. Without this correction, some flights have no frame in which a thin needle, or one
+over a numeral, is found.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ Read = Callable[[PanelReader], Found]
 def with_seen_faces(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
     """Correct the reader's faces behind the panel picture's needles, where frames show them; return its readings too.
 
-    A needle that moves in the readings by frame, `found`, needs none: it is not marks behind it that match. A geared
-    hand may move too little for that, and be in the median of the frames: then fewer of them tell a value.
+    A needle that moves in `found`, the readings by frame, needs no correction: what matches is not the marks behind it.
+    A geared hand may move so little that it is still there in the median of the frames. Correcting its face would lose
+    it, and with it the value in some frames; such a hand keeps its face.
     """
     bared = _with_usual_faces(reader, views, found, frozenset())
     if bared is not reader:
@@ -65,7 +66,7 @@ def with_seen_faces(reader: PanelReader, views: LitViews, found: Found, read: Re
 
 
 def _going_where_less_is_told(gauges: Sequence[Gauge], before: Found, after: Found) -> Iterator[str]:
-    """List hands that went along `before` on gauges whose value is missing in more frames `after`."""
+    """List hands that followed their value `before`, on gauges whose value is missing in more frames `after`."""
     for gauge in gauges:
         if gauge.combination is not None:
             name = gauge.combination.quantity.name
@@ -75,7 +76,7 @@ def _going_where_less_is_told(gauges: Sequence[Gauge], before: Found, after: Fou
 
 
 def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found, kept: frozenset[str]) -> PanelReader:
-    """Correct the faces behind needles, but `kept` ones, that are elsewhere in most frames, from the frames' median."""
+    """Take the face behind needles, but `kept` ones, from the frames' median if most frames show them elsewhere."""
     source, before = reader.source, reader.appearance
     own = reader.own_gauges
     faces, templates = list(before.faces), dict(before.templates)
@@ -104,9 +105,10 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found, kept: 
 
 @dataclass(frozen=True, slots=True)
 class _Apart:
-    """A needle that may be elsewhere in some frames: the frames most unlike the panel picture there, and most like it.
+    """A needle that may have left its place in some frames.
 
-    `face` and `template` follow from the unlike ones.
+    `unlike` and `like` are the frames that differ most and least from the panel picture there; `face` and `template`
+    follow from the unlike ones.
     """
 
     needle: Pointer
@@ -119,9 +121,9 @@ class _Apart:
     def is_confirmed(self, before: Found, found: Found) -> bool:
         """Tell whether the readings with this face, `found`, confirm it.
 
-        Most unlike frames then show the needle elsewhere; or in most of them it no longer matches best where it was
-        cut, while most like ones still show it there. Of a needle that was missing in most frames `before`, there is
-        less to lose: in unlike frames it may be missing where it was cut.
+        They do if most unlike frames show the needle elsewhere; or if in most unlike frames its best match is no longer
+        where it was cut, while most like ones still show it there. For a needle that was missing in most frames
+        `before`, it is enough if unlike frames do not show it where it was cut.
         """
         was_found = 2 * sum(own[self.needle.name].status is not Status.MISSING for own in before) >= len(before)
         unlike, like = ([found[at] for at in part] for part in (self.unlike, self.like))
@@ -167,9 +169,9 @@ def _with_other_faces(reader: PanelReader, views: LitViews, found: Found, read: 
 def _apart(dial: _Dial, needle: Pointer, views: Sequence[UnwrappedGauge | None], found: Found) -> _Apart | None:
     """Learn a face from the frames that differ most from the panel picture where a needle was cut.
 
-    Frames with another needle there are left out, and those in which the needle itself is slightly off its place: print
-    behind a needle matches exactly where it was cut. None if the frames are no more like each other than like the
-    picture, or do not show that the needle is gone.
+    Frames with another needle there are left out. So are those in which the needle is slightly off its place: it has
+    really moved, since print behind it would match exactly where it was cut. None if the frames are no more like each
+    other than like the picture, or do not show that the needle is gone.
     """
     rows = _own_window(dial, needle)
     taken = _rows_of_others(dial, needle, found)[:, rows].any(axis=1)
@@ -232,17 +234,17 @@ class _Dial:
 
 
 def may_be_lost(gauge: Gauge, found: Found) -> bool:
-    """Whether something of it is missing in some frame, or a needle read mostly where it is in the panel picture."""
+    """Whether a value of the gauge is missing in some frame, or a needle seems to stay as in the panel picture."""
     return any(_seems_still(needle, found) for needle in gauge.over_face) or any(
         readings[quantity.name].status is Status.MISSING for readings in found for quantity in gauge.quantities
     )
 
 
 def least_at_home(gauge: Gauge, found: Found) -> dict[str, float]:
-    """Return for needles that seem to stand still the lowest score of a match where they were cut.
+    """For needles that seem to stand still, return the lowest score to be trusted where they were cut.
 
-    As long as they do, the dial behind them is unknown: one that is gone leaves the print, which matches less well.
-    Hands that tell one value may stand still for long, but have to agree.
+    The dial behind such a needle is unknown. If the needle is gone, the print behind it may still match there, but less
+    well. Geared hands are left out: they may stand still for long, but have to agree.
     """
     agreeing = () if gauge.combination is None else gauge.combination.parts
     least = {}
@@ -261,7 +263,7 @@ def _seems_still(needle: Pointer, found: Found) -> bool:
 
 
 def _goes_along(needle: Pointer, gauge: Gauge, found: Found) -> bool:
-    """Whether a geared hand rather follows the value that it tells with finer ones than stays where it is.
+    """Whether a geared hand's motion is better explained by the value that all hands show than by standing still.
 
     A ten thousand feet pointer turns by 4 degrees in 1,000 feet: it seems still, but print would not move at all.
     """
@@ -294,8 +296,8 @@ def _cut_needles(gauge: Gauge) -> list[Pointer]:
 def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mask]) -> list[Pointer]:
     """List the needles that are elsewhere in most frames, with a dial behind them that differs from the face so far.
 
-    A needle that moved by less than its width is gone only at its edges: its axis is still covered, however much moves
-    beside it. `others`, (frames, R) by needle, marks rows that show other needles.
+    A needle that moved by less than its width is gone only at its edges: its axis is still covered, whatever else moves
+    there. `others`, (frames, R) by needle, marks rows that show other needles.
     """
     needles = _cut_needles(dial.gauge)
     windows = [_window(needle, dial.grid, dial.templates[needle.name]) for needle in needles]
@@ -324,8 +326,9 @@ def _bared(dial: _Dial, seen: Sequence[UnwrappedGauge], others: Mapping[str, Mas
 def _may_be_gone(dial: _Dial, needle: Pointer, rows: Mask, is_gone: Mask) -> bool:
     """Whether a needle may be gone from some rows (R,) of the dial, where its pixels (rows, C) are.
 
-    One that moved by less than its width is gone from a small part of its outline, and hardly from its axis. Over print
-    as bright as itself, little of one that is gone is seen.
+    A needle that moved by less than its width is gone from a small part of its outline, and hardly from its axis. If a
+    small part of the outline differs, the axis has to differ clearly. If most of it does, less is enough on the axis,
+    where print as bright as the needle may show.
     """
     outline = dial.templates[needle.name].outline
     shown = outline[len(outline) // 2]
@@ -337,7 +340,7 @@ def _may_be_gone(dial: _Dial, needle: Pointer, rows: Mask, is_gone: Mask) -> boo
 
 
 def _covered_by_others(dial: _Dial, bared: Sequence[Pointer], found: Found) -> Mask:
-    """(R, C): where needles other than the `bared` ones lie in the panel picture and in frames: it shows no dial."""
+    """(R, C): where needles other than the `bared` ones lie in the panel picture or in frames, and so hide the dial."""
     covered, turn = np.zeros(dial.face.shape, bool), turn_rows(dial.gauge, dial.grid)
     for needle in _cut_needles(dial.gauge):
         if needle not in bared:
@@ -351,7 +354,7 @@ def _covered_by_others(dial: _Dial, bared: Sequence[Pointer], found: Found) -> M
 def _rows_of_others(dial: _Dial, needle: Pointer, found: Found) -> Mask:
     """(frames, R): rows that show another needle of the dial, or its tail.
 
-    One that seems to stand still may be print where the panel picture has it, but not elsewhere.
+    A needle that seems to stand still may be print, and is ignored where the panel picture has it, but not elsewhere.
     """
     rows = np.zeros((len(found), dial.grid.rows), bool)
     angles_deg = dial.grid.start_deg + dial.grid.step_deg * np.arange(dial.grid.rows)
@@ -383,7 +386,7 @@ def _window(needle: Pointer, grid: PolarGrid, template: NeedleTemplate) -> Mask:
 
 
 def _own_window(dial: _Dial, needle: Pointer) -> Mask:
-    """(R,): those of them that are nearer to its axis than to another needle's."""
+    """(R,): the rows of a needle's `_window` that are nearer to its axis than to another needle's."""
     rows, turn = np.arange(dial.grid.rows), turn_rows(dial.gauge, dial.grid)
     off = [np.abs(shortest(rows - _axis_row(each, dial.grid), turn)) for each in _cut_needles(dial.gauge)]
     is_nearest = np.abs(rows - _axis_row(needle, dial.grid)) <= np.min(off, axis=0)
@@ -392,7 +395,7 @@ def _own_window(dial: _Dial, needle: Pointer) -> Mask:
 
 
 def _wherever_shown(rows: Mask, dial: _Dial) -> Mask:
-    """(R, 1): some of the gauge's rows with all others that show the same part of the dial."""
+    """(R, 1): the given rows of the gauge, and all others that show the same part of the dial."""
     shifts = (*same_rows(0.0, turn_rows(dial.gauge, dial.grid)), *opposite_rows(0.0, dial.grid))
     shown = np.concatenate([np.flatnonzero(rows) + round(shift) for shift in shifts])
     every: Mask = np.isin(np.arange(len(rows)), shown)[:, None]

@@ -1,9 +1,9 @@
-"""Uncertainty of readings beyond what their own frames tell: the panel's drawing, the pivot, the dial's position.
+"""Uncertainty of readings beyond that from their own frames: the panel's drawing, the pivot, the dial's position.
 
-A frame tells how sharply a needle is seen and how well the panel is located. It does not tell how precisely somebody
-drew the scale (to a fifth of a pixel, or as carelessly as the centres), from which side the camera sees needles that
-stand above their marks, where the needles truly turn (their tilts tell), or how far off a dial is located (the scatter
-of those tilts tells).
+A frame shows how sharp a needle is and how well the panel is located. It does not show how precisely somebody drew the
+scale (to a fifth of a pixel, or as carelessly as the centres), from which side the camera sees needles that stand above
+their marks, where the needles truly turn (estimated from their tilts), or how far off a dial is located (estimated from
+the scatter of those tilts).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ FOUND_PX = 0.02
 # Error of a raised needle's apparent pivot that no tilt shows, as a part of its height: the needle casts a shadow to
 # one side, and its height is given to a hundredth of an inch only.
 HEIGHT_PART = 0.005
-# One dial's needles tell little of how well dials are located: the others count for as much as this many of its tilts.
+# One dial's needles hardly show how well it is located: the scatter of all dials counts like this many of its tilts.
 SHARED_TILTS = 16
 
 
@@ -76,8 +76,8 @@ class QuantityUncertainty:
     scale
         Its marks; None where it is read all around, so that no angle lies beyond them.
     beside_deg
-        From how far a needle's middle lies beside where it is drawn: an allowance only, since nothing in a flight shows
-        which of both is where it points to.
+        From the distance between a needle's middle and where it is drawn: an allowance only, since nothing in a flight
+        shows which of the two is where it points.
     """
 
     drawn_deg: float
@@ -116,7 +116,7 @@ class QuantityUncertainty:
         }
 
     def _missed_deg(self, angles_deg: Floats, zero_deg: float) -> Floats:
-        """(N,): the error from having seen marks and zero from `missed_px` aside, which is larger at small radii."""
+        """(N,): the error if marks and zero were seen from `missed_px` beside the pivot; larger at small radii."""
         missed_px = np.array(self.missed_px)
         marks, zero = across(angles_deg) @ missed_px, across(np.array([zero_deg])) @ missed_px
         off_deg: Floats = np.degrees(np.abs(marks / self.rim_px - zero / self.radius_px))
@@ -136,7 +136,7 @@ class QuantityUncertainty:
 
 @dataclass(frozen=True, slots=True)
 class _Care:
-    """How far the hand that drew a panel misses centres, as a part of the radius, and marks beyond HAND_PX."""
+    """How carelessly a panel is drawn: the error of centres, as a part of the radius, and of marks beyond HAND_PX."""
 
     centres_part: float
     marks_px: float
@@ -155,7 +155,7 @@ def quantity_uncertainties(
     templates: Mapping[str, NeedleTemplate] = MappingProxyType({}),
     squeezes: Sequence[Squeeze | None] = (),
 ) -> dict[str, QuantityUncertainty]:
-    """Estimate, for each quantity, the uncertainty of its readings beyond what their frames tell.
+    """Estimate, for each quantity, the uncertainty of its readings beyond that from their own frames.
 
     Parameters
     ----------
@@ -168,9 +168,9 @@ def quantity_uncertainties(
     paths
         In the same order: how far each was moved from where it is drawn.
     log_odds
-        That marks are points as seen from where centres are drawn, rather than angles.
+        The log odds that marks are points as seen from where centres are drawn, rather than angles.
     care_part
-        How far the panel's centres are drawn from their pivots, as a part of the radius: the same hand drew its marks.
+        How far the panel's centres are drawn from their pivots, as a part of the radius; marks were drawn alike.
     dials_move
         Whether each dial is located by itself.
     found
@@ -178,7 +178,7 @@ def quantity_uncertainties(
     templates
         For each needle, what it looks like in the flight.
     squeezes
-        For each gauge, how it appears squeezed without having been squared up, if that is known.
+        For each gauge that was not squared up, how the view squeezes it, if that is known.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     care = _Care(care_part, marks_missed_px(told))
@@ -210,7 +210,7 @@ def quantity_uncertainties(
 def _of_other(
     dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care
 ) -> QuantityUncertainty:
-    """Estimate it for what is no needle; all values share what the hand missed a zero of its own by."""
+    """Estimate it for anything but a needle; an error in drawing a zero of its own affects all values alike."""
     if quantity.has_drawn_zero:
         return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
     return _of_shift(dial, path, care) if quantity.is_shift else dial
@@ -219,9 +219,9 @@ def _of_other(
 def _of_needle(
     dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, care: _Care, *, is_mistaken: bool
 ) -> QuantityUncertainty:
-    """Estimate it for one needle of a dial; one that may be something else may point anywhere along the sweep.
+    """Estimate it for one needle of a dial; if it may be mistaken for something else, allow for the whole sweep.
 
-    The hand that drew the marks also drew where the needle was cut: all readings are off by as much as it missed that.
+    Where the needle was cut was drawn by hand, like the marks: an error there shifts all readings.
     """
     first_deg, last_deg = gauge.sweep
     (zero_deg,) = (needle.at_deg for needle in gauge.turning if needle.name == quantity.name)
@@ -238,7 +238,7 @@ def _of_needle(
 def _beside_middle(
     dial: QuantityUncertainty, gauge: Gauge, name: str, templates: Mapping[str, NeedleTemplate]
 ) -> QuantityUncertainty:
-    """Allow for most of how far a needle's middle lies beside where it is drawn, if it was cut from the picture."""
+    """Allow for most of the distance between a needle's middle and its drawn angle, if it was cut from the picture."""
     if name not in templates or any(each.name == name and each.at_deg is None for each in gauge.turning):
         return dial
     return replace(dial, beside_deg=MIDDLE_PART * abs(templates[name].beside_deg))
@@ -254,7 +254,7 @@ def _of_card(
     care: _Care,
     squeeze: Squeeze | None,
 ) -> QuantityUncertainty:
-    """Estimate it for a card, whose marks are carried to its pivot as far as that is known."""
+    """Estimate it for a card, allowing for marks that were not drawn around its pivot."""
     gauge = drawn.panel.gauges[index]
     rim_px = gauge.radius[1]
     card_px = 0.0
@@ -277,16 +277,16 @@ def _of_card(
 
 
 def _of_shift(dial: QuantityUncertainty, path: PivotPath, care: _Care) -> QuantityUncertainty:
-    """Estimate it for a shift from the pivot, which is off by as much as that was moved to a wrong place.
+    """Estimate it for a shift, such as pitch, which is measured from the pivot and so shares its error.
 
-    Its marks lie beside the pivot, not along the rim: what a hand misses them by counts in full.
+    Its marks lie beside the pivot, not along the rim, so their drawing errors count in full.
     """
     beside_px = math.hypot(care.marks_px, dial.pivot.sigma_px if path.was_moved else 0.0)
     return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, math.degrees(beside_px / dial.radius_px)))
 
 
 def _by_hand_deg(gauge: Gauge, care: _Care) -> float:
-    """Estimate how precisely a scale is drawn: as its hand draws, and as the panel says."""
+    """Estimate how precisely a scale is drawn: from the panel's care in general, and the gauge's own `doubt_deg`."""
     return math.hypot(_hand_deg(gauge, care), gauge.doubt_deg)
 
 
@@ -299,13 +299,13 @@ def _hand_deg(gauge: Gauge, care: _Care) -> float:
 
 
 def _missed_px(path: PivotPath, log_odds: float) -> Vector:
-    """Return how far beside the pivot marks and zero may have been seen from, (x, y), as far as that is likely."""
+    """Return from how far beside the pivot marks and zero may have been seen, (x, y), reduced if that is unlikely."""
     missed = _to_allow_for(-abs(log_odds))
     return missed * path.beside_px[0], missed * path.beside_px[1]
 
 
 def _to_allow_for(log_odds: float) -> float:
-    """Return the factor by which an error with these odds of being present counts.
+    """Return the factor on an error that is present with these log odds.
 
     A 95 % interval has to cover it, unless it is less likely than one in twenty.
     """
@@ -317,11 +317,11 @@ def _mistaken(
 ) -> frozenset[str]:
     """Name needles whose cut may show not the needle but the dial beside it or beyond its tip.
 
-    A cut may miss the needle sideways if the drawn centre is far off, or lie beyond its tip if `radius` begins there.
-    In the first case, being found elsewhere than where it was cut proves it a needle; in the second, being seen in most
-    frames further from any one place than its uncertainty does. So does being found elsewhere in some frames in which
-    nothing covers the place where it was cut: print would still be seen there. Hands that tell one value may stand
-    still for long, but have to agree.
+    A cut may miss the needle sideways if the drawn centre is far off. Then a needle that is found anywhere else proves
+    that it was not missed. A cut may also lie beyond the needle's tip if `radius` begins there. Then it is a needle if
+    it moves in most frames by more than its uncertainty; or if it is found elsewhere in some frames while nothing
+    covers the place where it was cut, since print would still be seen there. Geared hands are exempt from this second
+    test: they may stand still for long, but have to agree.
     """
     mistaken = set()
     agreeing = () if gauge.combination is None else gauge.combination.parts
@@ -345,9 +345,9 @@ def _mistaken(
 
 
 def _times_elsewhere(gauge: Gauge, needle: Pointer, found: Sequence[Mapping[str, Reading]]) -> int:
-    """Count the frames in which a needle is surely found beyond where it was cut, with no other needle there.
+    """Count the frames in which a needle is surely elsewhere than where it was cut, with no other needle in that place.
 
-    Half of its own width is enough: it is not read where print at that place matches about as well.
+    Half of its own width away is enough: it would not be `READ` if print at that place matched about as well.
     """
 
     def is_there(pointer: Pointer, readings: Mapping[str, Reading]) -> bool:
@@ -383,10 +383,10 @@ def _parallax_deg(drawn: PanelPictures, index: int) -> float:
 
 
 def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
-    """Estimate the error in a turn read on a dial that is drawn as if seen square on, although it is not.
+    """Estimate the error of a turn if the dial is described as seen square on, although it may not be.
 
-    A circle seen obliquely is an ellipse. Fixed marks, and the places of a ball in its tube, are drawn on it as they
-    appear; marks that turn are not.
+    A circle seen obliquely is an ellipse. Fixed marks, and the positions of a ball in its tube, are drawn as they
+    appear on that ellipse; marks that turn move along it.
     """
     if drawn.grid(index).plane is not None or not drawn.panel.gauges[index].is_round:
         return 0.0

@@ -250,7 +250,7 @@ def explained(left: Floats, weights: Floats) -> Floats:
 
 
 def noise_between(pictures: Floats) -> float:
-    """Return how many grey levels pictures of a dial (F, P, C) differ by where nothing changes, in most of it."""
+    """Return the noise between pictures of a dial (F, P, C) in grey levels; most of the dial must not change."""
     apart = pictures - median_of(pictures)
     return float(np.clip(MAD_TO_SIGMA * median(np.abs(apart).ravel()), FACE_NOISE_LEVELS, NOISE_LEVELS))
 
@@ -263,13 +263,13 @@ def changing(pictures: Floats, noise_levels: float) -> Floats:
 
 
 def turned_correlation(pictures: Floats, noise_levels: float, *, is_mutual: bool = True) -> Floats:
-    """Return how well each of F pictures of a dial (F, P, C), turned on by each number of rows, matches each other one.
+    """Correlate each of F pictures of a dial (F, P, C), turned by each number of rows, with each other picture.
 
-    Only what changes between the pictures belongs to what turns, so only that has weight, in both. Then neither a fixed
-    mark nor a face without print counts, nor do marks at regular distances that have turned onto each other. The noise
-    is added to the variances, so what hardly changes matches nothing. It is added whole however little of what changes
-    comes to lie on each other: a turn that brings next to nothing together matches nothing either.
-    Unless it `is_mutual`, each is only matched with those after it; the other scores are 0.
+    Only places that change between the pictures have weight, in both, since nothing else can turn. So fixed marks, a
+    face without print, and regular marks that have turned onto each other do not count. The noise is added to the
+    variances, so a picture that hardly changes matches nothing. It is added in full however few changing places overlap
+    after the turn: a turn with next to no overlap matches nothing either.
+    Unless it `is_mutual`, each picture is only matched with those after it; the other scores are 0.
 
     Returns
     -------
@@ -288,7 +288,7 @@ def turned_correlation(pictures: Floats, noise_levels: float, *, is_mutual: bool
 
     area = np.maximum(along(moved, moved), ROUNDING * rows)
     means, next_means = along(sums, moved) / area, along(moved, sums) / area
-    noise = noise_levels**2 * area[0] / area  # none lies more on each other than unturned
+    noise = noise_levels**2 * area[0] / area  # no turn overlaps more than none at all
     spreads = np.sqrt(np.maximum(along(squares, moved) / area - means**2, 0.0) + noise)
     next_spreads = np.sqrt(np.maximum(along(moved, squares) / area - next_means**2, 0.0) + noise)
     scores = np.zeros((len(pictures), len(pictures), rows), np.float32)

@@ -26,10 +26,10 @@ LitViews = Sequence[Sequence[Floats | None]]
 def in_light_of(reference: Floats, strips: Iterable[Floats]) -> list[Floats | None]:
     """Bring unwrapped gauges into the light of a reference; None for those too dim, or too bright, to learn from.
 
-    Gain is the ratio of contrasts, and the offset follows from the means, over every third pixel and without pixels
-    where needles or glare make a gauge differ from the reference. A regression would take what is not alike for noise,
-    and a card that has turned, or a dial out of focus, for one in brighter light. The brighter half of the gauges is
-    never too dim, unless it is black.
+    The gain is the ratio of contrasts, and the offset follows from the means. Both are taken over every third pixel,
+    without those where needles or glare make a gauge differ from the reference. A regression would treat differences as
+    noise, and so mistake a card that has turned, or a dial out of focus, for one in dimmer light. The brighter half of
+    the gauges is never too dim, unless it is black.
     """
     wanted = _thinned(reference)
     strips = list(strips)
@@ -93,7 +93,7 @@ def _fit(wanted: Floats, seen: Floats, gain: float, offset: float) -> tuple[floa
 
 
 def _near(wanted: Floats, seen: Floats, gain: float, offset: float) -> int:
-    """Count how many of some of the pixels come near the reference's: where they are or, of a turned card, anywhere."""
+    """Count, in a subset of pixels, those near the reference's at their own place or, for a turned card, anywhere."""
     some = wanted[::LIGHT_STRIDE], seen[::LIGHT_STRIDE]
     return max(
         int(np.count_nonzero(_is_near(*pair, gain, offset))) for pair in (some, (np.sort(some[0]), np.sort(some[1])))
@@ -116,7 +116,7 @@ def learn_face(strips: Sequence[Floats], without: Sequence[Indices], fallback: F
     without
         For each, the flat indices of the pixels that a needle covers; they may repeat.
     fallback
-        (R, C): used where fewer than three frames show a pixel without a needle, or only two that differ.
+        (R, C): used where fewer than two frames show a pixel without a needle, or only two, and these differ.
 
     Returns
     -------

@@ -124,11 +124,11 @@ def axis_of(template: NeedleTemplate, face: Floats) -> Floats:
 
 
 class DialComparison:
-    """Compares drawings of a dial, (N, C), with what is seen of it.
+    """Compares drawings of a dial, (N, C), with frames of it.
 
-    Each pixel of the picture counts once: samples near the centre, where rows converge, count less. And none counts for
-    more than the dimmest needle makes out: where the face is still unknown below a bright needle, a dim one elsewhere
-    would not matter otherwise.
+    Each pixel of the picture counts once, so samples near the centre, where rows converge, count less. No residual
+    counts for more than the contrast of the dimmest needle. Otherwise, where the face below a bright needle is still
+    unknown, its large residuals would outweigh a dim needle elsewhere.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class DialComparison:
         return left
 
     def times_left(self, seen: Floats, drawn: Floats, levels: Floats) -> Floats:
-        """Return what drawings leave unexplained of what is seen, in times the squares of some levels in their light.
+        """Return the squared residuals of drawings, relative to the squares of some `levels` in their light.
 
         All are (F, N, C); the result is (F,).
         """
@@ -172,9 +172,9 @@ class DialComparison:
         return left
 
     def times_worse(self, seen: Floats, drawn: Floats) -> Floats:
-        """Return what others leave unexplained of what is seen, where they differ from the first: as a ratio.
+        """Return the ratio of each other drawing's squared residual to the first one's, where the two differ.
 
-        Sensor and JPEG noise is added to both, so it is 1 where two drawings hardly differ.
+        Sensor and JPEG noise is added to both, so the ratio is 1 where two drawings hardly differ.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class DialComparison:
         return worse
 
     def _off(self, seen: Floats, drawn: Floats) -> tuple[Floats, Floats]:
-        """Return by how much drawings in its light differ from what is seen, and to how much that is limited.
+        """Return the residuals of drawings in the light of what is seen, and the limit of each residual.
 
         (..., M, N * C) and (..., M, 1), float32.
         """

@@ -61,7 +61,7 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
     light = mean_cut + off_cut - transparency * (mean_face + off_face)
     spread = MAD_TO_SIGMA * median_of(np.abs(cut - transparency * face))
     shown = _columns_with_edges(expected)
-    # Beside the needle there is nothing but the face, and a fit would only pick up accidents.
+    # Beside the needle there is nothing but the face, and a fit would only pick up noise.
     covered = _with_edges(expected)
     light = np.where(covered, light, np.float32(0.0))
     transparency = np.where(covered, transparency, np.float32(1.0))
@@ -69,15 +69,15 @@ def layered(cuts: Floats, faces: Floats, before: Floats, step_deg: float) -> Nee
 
 
 def without_others(layer: NeedleTemplate, others_rows: Sequence[float], plain: Floats) -> NeedleTemplate:
-    """Return a first layer as if no other needle were beside it: its halves are taken to be alike.
+    """Return a first layer without the other needles beside it, assuming that its two halves are alike.
 
-    What is nearer to another needle's axis may be hidden by that: it is filled in from the other half, or with the
-    plain dial where both are hidden, and not trusted.
+    Rows nearer to another needle's axis may be hidden by that needle: they are filled in from the other half, or with
+    the plain dial where both halves are hidden, and are not trusted.
 
     Parameters
     ----------
     others_rows
-        Those axes, so many rows after its own.
+        How many rows each other axis follows its own.
     plain
         (C,): the median of the dial at each radius.
     """

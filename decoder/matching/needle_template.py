@@ -94,11 +94,11 @@ class NeedleTemplate:
 
     @cached_property
     def beside_deg(self) -> float:
-        """By how many degrees the needle's middle line lies beside its axis, as far as that is clear.
+        """By how many degrees the needle's middle line lies beside its axis; shrunk towards 0 where that is unclear.
 
-        The line is halfway between both edges, and so is known for a needle with the same outline on both sides. Where
-        columns disagree about it, the outline is another, and it counts for less. A line in the outer half of either
-        side is not the middle of what was meant as the needle: it counts for nothing.
+        The middle line is halfway between both edges. If columns disagree about it, the needle's outline is not
+        symmetrical, and the offset is reduced by their scatter. If it is more than a quarter of the needle's width, the
+        line is not the middle of the needle that was meant, and the result is 0.
         """
         difference, contrast = self._difference
         clear = contrast >= HALF * contrast.max()

@@ -87,7 +87,7 @@ class PairFitter:
 
     @cached_property
     def hidden_reach_rows(self) -> float:
-        """The largest distance of the axes at which too little of the lower needle shows to tell where it is."""
+        """The largest distance of the axes at which too little of the lower needle shows to locate it."""
         apart = np.arange(self._axis)
         shown = self._lower.at(self._axis + np.stack([-apart, apart]).astype(float)).shown(self._upper.transparency)
         pixels = shown.sum(axis=(2, 3), where=shown > SHOWN_PART) * self._pixels_per_sample

@@ -1,9 +1,9 @@
-"""The search for pivots that are drawn off where needles and cards turn, by up to a tenth of the dial's radius.
+"""The search for the pivots of needles and cards whose centres are drawn off by up to a tenth of the dial's radius.
 
 Tilts give a pivot to hundredths of a pixel (`decoder.learning.pivots`), but only if the needles are found. Around a
-centre that is drawn too far off they are not, because a needle that has turned lies askew. Here a dial is unwrapped
-around many centres, without knowing what its needles look like: around the right one the ridges of all that moves lie
-along radii, however many needles there are and wherever they are. Around a card's pivot all frames show the same card,
+centre that is drawn too far off they are not, because a needle that has turned lies askew. This search tries many
+centres, without knowing what the needles look like. Around the right one, the ridges of everything that moves lie along
+radii, however many needles there are and wherever they point. Around a card's pivot, all frames show the same card,
 only turned.
 """
 
@@ -60,8 +60,7 @@ ELSEWHERE = 3
 def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | None:
     """Search for the pivot of a gauge's needles, where the straight ridges of what moves in frames (R, C) cross.
 
-    A needle that hardly turns does not tell where along it the pivot is; it is then taken to be as far along it as it
-    is drawn.
+    A needle that hardly turns does not determine the pivot's position along the needle; that is then kept as drawn.
 
     Returns
     -------
@@ -85,9 +84,9 @@ def needle_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | 
 def _axes_seen(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> list[Floats]:
     """(N, 2) for each ridge of what moves in some frames: its pixels, in the dial's own plane.
 
-    A needle's ridge is its axis, however wide the needle is and however it tapers. It falls off on both sides, or it
-    is the edge of something wide. A needle that was beside its place by less than its width in most frames shows by a
-    part of itself only: ridges near what has also been of the opposite sign are left out.
+    A needle's ridge is its axis, however wide the needle is and however it tapers. A ridge has to fall off on both
+    sides, or it is the edge of something wide. If a needle moves by less than its width in most frames, only a part of
+    it shows: ridges near pixels that have also differed with the opposite sign are left out.
     """
     if not strips:
         return []
@@ -163,7 +162,7 @@ class _AxisLines:
         return share
 
     def told(self, offset_px: Floats) -> Floats:
-        """(2,): the part of an offset that lines through it tell; lines of about one direction tell what is across."""
+        """(2,): the part of an offset that lines through it determine: of parallel lines, only the part across them."""
         passing = self.weights * self._passing(offset_px[None])[0]
         across = np.stack([-self.along[:, 1], self.along[:, 0]])
         (least, _), axes = np.linalg.eigh((across * passing) @ across.T / max(passing.sum(), np.finfo(float).tiny))
@@ -174,7 +173,7 @@ class _AxisLines:
         return told
 
     def _passing(self, offsets_px: Floats) -> Floats:
-        """(M, N): 1 where a line passes through a point, less the further it passes beside it, for all it is known."""
+        """(M, N): 1 where a line passes through a point; less the further beside it, relative to its uncertainty."""
         away = offsets_px[:, None] - self.places_px
         beside_px = away[..., 0] * self.along[:, 1] - away[..., 1] * self.along[:, 0]
         askew = np.hypot(away[..., 0], away[..., 1]) / self.lengths_px
@@ -254,12 +253,12 @@ def card_squeeze(
     most_left: float = FAR_GAIN,
     axes: Axes = ALL_AXES,
 ) -> Squeeze | None:
-    """Search for how a card appears squeezed, since it is seen from aside: then frames show the same card, only turned.
+    """Search for the squeeze of a card that is seen obliquely: with it removed, all frames show the card only turned.
 
-    What turns within an ellipse comes closer together and draws apart; regular marks soon fall out of step, as they do
-    around a centre that is not their pivot, so that is searched for with it, unless `axes` are those of squeezes only.
-    None if the card is seen square on, nothing turns, or more than `most_left` remains of what the best pivot alone
-    leaves unexplained.
+    Marks that turn within an ellipse come closer together and draw apart, so regular marks soon fall out of step. They
+    do the same around a centre that is not their pivot, so the pivot is searched for at the same time, unless `axes`
+    contains those of squeezes only. None if the card is seen square on, nothing turns, or more than `most_left` remains
+    of what the best pivot alone leaves unexplained.
     """
     strips = _most_different(strips)
     if len(strips) <= 1:
@@ -300,7 +299,7 @@ def _climbed(score: Score, start: Floats, axes: Axes, reach: float) -> tuple[flo
 
 
 def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
-    """Choose frames that differ most from each other; those in which nothing has moved tell nothing of what turns."""
+    """Choose frames that differ most from each other: only what moved between frames can show what turns."""
     if not strips:
         return []
     chosen, apart = [0], np.full(len(strips), np.inf)

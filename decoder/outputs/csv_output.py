@@ -31,7 +31,8 @@ from flight_file.thresholds import MAX_SIDE_PX
 from flight_file.untrusted import printable, to_cell
 
 SCORE_DECIMALS = 4
-# A millionth of full scale, and a thousandth of what is between the outermost marks: a drum's counts have no others.
+# A millionth of full scale, or if finer, a thousandth of the span between the outermost marks: on drums, these are only
+# one count apart.
 DIGITS_OF_FULL_SCALE, DIGITS_OF_MARKS = 6, 4
 TIME_DECIMALS = 6
 

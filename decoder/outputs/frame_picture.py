@@ -1,4 +1,4 @@
-"""Frames of a flight again, selected, with their readings drawn in for people to look at.
+"""Selected frames of a flight, read again, with their readings drawn in for people to look at.
 
 The needle's own pixels stay visible: the line over it is thin, and the conspicuous marks are outside the rim.
 """

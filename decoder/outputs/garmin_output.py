@@ -2,8 +2,8 @@
 
 Names are recognised only for quantities that a G1000 has a column for; anything else needs a name mapping.
 
-The format has no place for a status or an uncertainty, so only what was seen goes in: for each whole second the value
-of the nearest frame within half a second, and nothing if that is interpolated or missing. The position stays empty.
+The format has no place for a status or an uncertainty, so only values that were seen are written: for each whole second
+that of the nearest frame within half a second, and nothing if it is interpolated or missing. The position stays empty.
 """
 
 from __future__ import annotations

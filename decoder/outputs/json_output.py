@@ -1,4 +1,4 @@
-"""`NAME.json`: what the flight data consist of, where they have gaps, and why."""
+"""`NAME.json`: the description of the flight data, with their gaps and the reasons for these."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The files that `decode` writes of a flight: their formats and names, and writing them completely.
 
-The writer of a format is imported when it is needed; the names that `--format` takes are needed before anything else.
+The writer of a format is imported only when used, since the names that `--format` takes are needed at once.
 
 Every file is made beside its final name and put in place only when all of them are complete, so that an interrupted
 decode leaves nothing half-written. A link under one of the names is replaced, never followed. The same flight data
@@ -67,7 +67,7 @@ class Decoded:
     check
         Verifies the flight's files.
     session
-        What the recording says of itself.
+        The recording's own session record.
     with_images
         Whether files that can contain the pictures should.
     name

@@ -166,7 +166,7 @@ def _first_problem(
 
 
 def _telling(found: ValidationError) -> list[ErrorDetails]:
-    # That a list is too short only because its items are wrong is not worth reporting.
+    # If a list is too short only because its items are wrong, report just the items.
     problems = [problem for problem in found.errors(include_url=False) if problem["type"] != "too_short"]
     return problems or found.errors(include_url=False)
 
@@ -186,7 +186,7 @@ def _sentence(problem: ErrorDetails, model: type[Strict], thing: str) -> tuple[s
 
 
 def _said(problem: ErrorDetails) -> str:
-    """Say what is wrong in our own words, as a library's are about its types, and not about what somebody wrote."""
+    """Say what is wrong in our own words: a library's messages are about its types, not about the text of the file."""
     told = problem.get("ctx", {})
     if problem["type"] == "value_error":
         return str(told["error"])
@@ -196,7 +196,7 @@ def _said(problem: ErrorDetails) -> str:
 
 
 def _unknown(key: str, owners: dict[str, list[str]], thing: str) -> str:
-    """Say what to do about a key that is none where it stands."""
+    """Say what to do about a key that is unknown in its place."""
     if key in owners:
         return f"is not a key here, but of {' and '.join(owners[key])}: move it there"
     like = get_close_matches(key, owners, 1)

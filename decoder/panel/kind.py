@@ -1,6 +1,6 @@
-"""What a kind of instrument defines for `panel.yaml`, for drawings and for the set-up page: one protocol.
+"""The protocol by which a kind of instrument is described in `panel.yaml`, drawn, and set up in the browser.
 
-How it is read is in `decoder.instruments.kind`.
+The one by which it is learned and read is in `decoder.instruments.kind`.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ class Control:
     is_angle: bool = False
     """Whether it is an angle on the dial, which turns along when the dial is drawn anew."""
     upright: str = ""
-    """Of pairs of pixels above the centre and a value: the key that says how far their upright turns with the scale."""
+    """For pairs of pixels above the centre and value: the key that says how far their upright turns with the scale."""
     is_of_moment: bool = False
-    """Whether it tells how the instrument stood in the panel picture, and is to be typed anew for another one."""
+    """Whether it says how the instrument stood in the panel picture, and must be typed again for another picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,11 +93,11 @@ class Usual:
     name, unit
         Of the gauge.
     columns
-        Of what it shows: one per needle, the finest first, or the names among the fields of its kind.
+        Of its values: one per needle, the finest first, or the names among the fields of its kind.
     turn
         The value of a full turn of it, or of the finest of several needles.
     together
-        The column of what several needles show together, each worth ten times the finer one.
+        The column of the value that several needles show together; a turn of each is ten times that of the finer one.
     both_ends
         Whether both ends of its needle point to marks, like a turn coordinator's wings.
     """
@@ -166,11 +166,11 @@ class DescribedKind(Protocol):
 
     @property
     def brightens(self) -> bool | None:
-        """Whether it is brighter than in the panel picture when it changes, or darker; None if it may be either."""
+        """Whether a change makes it brighter than in the panel picture (True) or darker; None if it may do either."""
         ...
 
     def check(self, dial: Dial) -> None:
-        """Raise ValueError if it does not go with its dial."""
+        """Raise ValueError if it does not fit its dial."""
         ...
 
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
@@ -182,9 +182,9 @@ class DescribedKind(Protocol):
         ...
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
-        """Return by quantity what its value looks like, from end to end, if it is not a pointer's line.
+        """Return, by quantity, both ends of the line that shows its value, unless a pointer's line does.
 
-        None means that it has a line, but its place is unknown.
+        None means that there is such a line, but its place is unknown.
 
         Parameters
         ----------
@@ -220,11 +220,11 @@ class DescribedKind(Protocol):
         size
             The scale factor; the gauge's radius is already scaled.
         angles_deg
-            By name what is read there, in the draft's own angles.
+            By name, the angle read in the other picture, in the draft's own angles.
 
         Returns
         -------
-        How far its scale is turned there in addition.
+        By how much more than the dial its scale is turned in the other picture.
         """
         ...
 
@@ -264,7 +264,7 @@ class Plain:
 
     @staticmethod
     def carry(_gauge: Drawn, _turn_deg: float, _size: float, _angles_deg: Mapping[str, float]) -> float:
-        """Carry nothing, as its places are points, which are carried anyway."""
+        """Carry nothing: all its places are points, which are carried for every kind."""
         return 0.0
 
 

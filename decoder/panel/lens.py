@@ -56,7 +56,7 @@ class Distortion(Protocol):
         """(2, N) normalised coordinates without distortion; NaN where no line of sight arrives."""
 
     def reaches(self, radius: float) -> bool:
-        """Whether no two lines of sight arrive at one place, up to this radius of the picture."""
+        """Whether the distortion is one-to-one up to this radius of the picture."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,12 +124,13 @@ class Scale:
         return steepest
 
     def bends_deg(self, angles_deg: Floats) -> Floats:
-        """(N,): how far values may lie beside the straight lines between marks, as degrees, if the scale is a curve.
+        """(N,): how far values may be from the straight lines between marks, in degrees, if the scale is a curve.
 
-        A logarithmic scale's degrees are worth more from mark to mark, and so between marks. A change at one mark only
-        is taken as a kink between two straight parts, and so are changes to and fro as errors of drawing. A scale that
-        grows both ways from a mark, as of a vertical speed, goes on as it does further out. Nothing tells how a curve
-        goes on beyond the outermost marks; it is followed for as far again as they are from the next.
+        On a logarithmic scale, a degree is worth more from mark to mark, and so also between marks. If the slope
+        changes at one mark only, that is taken as a kink between two straight parts; if it changes to and fro, as
+        errors of drawing. A scale that grows both ways from a mark, such as a vertical speed's, is assumed to continue
+        as it does further out. How a curve continues beyond the outermost marks is unknown; it is followed for as far
+        again as these are from the next.
         """
         if len(self.values) <= 3:  # noqa: PLR2004 - one change
             return np.zeros_like(angles_deg)
@@ -208,14 +209,14 @@ class Quantity:
     max_rate
         How fast the value can change, in its unit per second, if known.
     limits
-        The lowest and the highest possible value, if the marks do not tell.
+        The lowest and the highest possible value, if these do not follow from the marks.
     written
         How its values are written if they are not measured; they then change in steps.
     is_drawn
         Whether its marks are places that somebody drew.
     has_drawn_zero
-        Whether it is read from a place that somebody drew besides its marks (where a pointer was cut, a card's index),
-        so that all values share what was missed there.
+        Whether it is read relative to a place that somebody drew besides its marks (where a pointer was cut, a card's
+        index), so that all values share the error of that place.
     goes_on
         Whether its values go on beyond the outermost marks.
     is_shift
@@ -292,8 +293,8 @@ class Combination:
 class Gearing:
     """How the hands of one dial, the finest first, follow from its value, as in an altimeter or a clock.
 
-    Each tells the value modulo its turn. The coarsest tells the whole value roughly; each finer one must point, within
-    the panel's tolerance, where that puts it, and then refines it.
+    Each hand shows the value modulo its turn. The coarsest shows the whole value roughly; each finer one must point,
+    within the panel's tolerance, to where the coarser one puts it, and then refines the value.
 
     Attributes
     ----------
@@ -304,7 +305,7 @@ class Gearing:
     turns
         The value of a turn of each hand.
     off
-        How much more each hand tells than the finer ones do, because it and its marks are drawn so far off.
+        By how much each hand's value exceeds that of the finer ones because of errors in drawing it and its marks.
     tolerance
         In turns of the finer of two hands.
     """
@@ -320,8 +321,8 @@ class Gearing:
     def of(cls, quantities: Sequence[Quantity], combination: Combination, drawn_deg: Mapping[str, float]) -> Self:
         """Make the gearing of a combined value from its hands, and from where they are drawn in the panel picture.
 
-        There they show one value. What they contradict each other by, if that is tolerable, is how far they are drawn
-        off. A hand with a picture of its own is not drawn there, and then nothing is known of that.
+        There all hands show one value, so a contradiction between them within the tolerance is an error of drawing. A
+        hand with a picture of its own is not drawn there, and its error is unknown.
         """
         by_name = {quantity.name: quantity for quantity in quantities}
         parts = [by_name[name] for name in combination.parts]
@@ -364,7 +365,7 @@ class Gearing:
         return in_turn(within, self.turn, self.quantity.lowest)
 
     def within(self, hand: int, angles_deg: Floats) -> Floats:
-        """Return what a hand tells by itself, within one turn of it."""
+        """Return the value that a hand shows by itself, within one turn of it."""
         return self.scales[hand].values_at(angles_deg) - self.off[hand]
 
     def angles_deg(self, hand: int, values: Floats) -> Floats:
@@ -384,7 +385,7 @@ class Gearing:
         return values
 
     def measured(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
-        """(...): the values nearest to given ones, (...), at which one of the hands (..., K) points as it does."""
+        """(...): the values nearest to given ones, (...), at which a hand would point as that hand of (..., K) does."""
         return in_turn(values + self._stray(hand, angles_deg, values), self.turn, self.quantity.lowest)
 
     def agrees(self, values: Floats, angles_deg: Floats, sigmas_deg: Floats, seen: Mask) -> Mask:
@@ -404,11 +405,11 @@ class Gearing:
         return float(moved), float(strayed)
 
     def _stray(self, hand: int, angles_deg: Floats, values: Floats) -> Floats:
-        """(...): how far values are from what a hand tells by itself, the short way round."""
+        """(...): how far values are from the one that a hand shows by itself, the short way round."""
         return shortest(self.within(hand, angles_deg[..., hand]) - values, self.turns[hand])
 
     def sigma(self, hand: int, angles_deg: Floats, sigmas_deg: Floats) -> Floats:
-        """(...): the uncertainty of what one of the hands (..., K) tells by itself."""
+        """(...): the uncertainty of the value that one of the hands (..., K) shows by itself."""
         sigmas: Floats = np.abs(self.scales[hand].slopes_at(angles_deg[..., hand])) * sigmas_deg[..., hand]
         return sigmas
 

@@ -2,8 +2,8 @@
 
 JSON writes each double with enough digits to restore it exactly; NaN is written as `NaN`, which Python reads.
 
-It records every batch that is read. It is bound to everything its readings depend on, begins only when there is
-something to lose, and is removed when the flight data are written.
+It records every batch that is read. It belongs to one decode, identified by everything that its readings depend on;
+begins only when there is something to lose; and is removed when the flight data are written.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def plain_batch(batch: Batch, outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def outcomes_of(content: dict[str, Any], batch: Batch) -> list[Outcome] | None:
-    """Undo `plain_batch`; empty if it is to be read again; None if it is about other frames."""
+    """Undo `plain_batch`; the list is empty if the batch must be read again, and None if it has other frames."""
     if content["frames"] != [[frame.sequence, frame.captured_ns] for frame in batch]:
         return None
     return [unpack(each) for each in content["read"]]
@@ -103,7 +103,7 @@ class DecodeJournal:
     resume
         Whether to continue what is at the path, if it is of the same decode.
     tell
-        Gets a sentence if what is there is not used, or is replaced.
+        Gets a sentence if an existing journal is not used, or is replaced.
     begin_after
         Batches that are read before anything is written.
 
@@ -163,7 +163,7 @@ class DecodeJournal:
             self._stream = None
 
     def _is_begun_by(self, reader: PanelReader) -> bool:
-        """Whether there is a journal of this decode; says what is there instead, or that it is not continued."""
+        """Whether there is a journal of this decode to continue; if not, say why an existing one is not used."""
         lines = self._lines()
         first = next(lines, None)
         if first is None:
@@ -198,7 +198,7 @@ class DecodeJournal:
             ) from error
 
     def _known(self, coming: Iterator[Batch], unknown: list[Batch], read: Callable[[Batch], Results]) -> Results:
-        """Give the batches that were read before; the first that was not goes to `unknown`.
+        """Yield the batches that were read before; the first that was not goes to `unknown`.
 
         Batches with frames that were left out are read again, since the journal records only their position.
         """

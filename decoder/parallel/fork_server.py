@@ -57,8 +57,8 @@ class _RememberingContext(ForkServerContext):
 class WorkerProcess:
     """A process that does one thing after another.
 
-    It has its own pool: a process that dies breaks its pool, and a broken pool loses all its work. So only what this
-    process had is lost with it, and it is known what that was.
+    It has its own pool. A process that dies breaks its pool, and a broken pool loses all its work; so only this
+    process's work is lost with it, and it is known which that was.
     """
 
     def __init__(self) -> None:
@@ -155,11 +155,11 @@ def _clean_up_when_told() -> None:
 
 
 class _ToldToStop(SystemExit):
-    """Raised in whatever a process is doing, so that temporary folders are removed on the way."""
+    """Raised in the middle of a process's work, so that temporary folders are removed on the way out."""
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
-    """Leave whatever is going on; the pool's own loop swallows exceptions in some places, and would wait for work."""
+    """Leave the current work; the pool's own loop swallows exceptions in some places, and would wait for more work."""
     threading.Thread(target=_end_soon, daemon=True).start()
     raise _ToldToStop(1)
 

@@ -1,4 +1,4 @@
-"""What became of each flight: a row of the fleet's index, and the marker that says its results are complete.
+"""The outcome of each flight: a row of the fleet's index, and the marker that says that its results are complete.
 
 Rows wait in a temporary file rather than in memory. Rows of earlier runs are kept for flights not in this run.
 """
@@ -40,7 +40,7 @@ _NAMING = {"flight", "status"}
 
 
 class State(StrEnum):
-    """How a flight got its row."""
+    """How a flight got its row in the index."""
 
     DECODED = "decoded"
     KEPT = "kept"  # finished by an earlier run
@@ -166,7 +166,7 @@ class Finished:
         return self.key == key and together and all(map(Stamp.proves, self.stamps, stamps))
 
     def may_hold(self, key: dict[str, Any], stamps: Sequence[Stamp]) -> bool:
-        """Whether only the files' digests can tell."""
+        """Whether decoding again might give the same, which only the files' digests can decide."""
         return self.key == key and [(each.name, each.size_bytes) for each in self.stamps] == [
             (each.name, each.size_bytes) for each in stamps
         ]
@@ -201,7 +201,7 @@ class Index:
 
     def add(self, outcome: Outcome) -> None:
         """Add a row; a later one of the same flight replaces it."""
-        # A path need not be valid text, but a table can hold nothing else.
+        # A path need not be valid text, but a table can only hold valid text.
         row = {name: printable(value) if isinstance(value, str) else value for name, value in as_row(outcome).items()}
         self._places[row["flight"]] = self._rows.seek(0, io.SEEK_END)
         self._rows.write(json.dumps(row).encode() + b"\n")

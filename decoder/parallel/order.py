@@ -1,4 +1,4 @@
-"""The order: what all flights of a fleet are decoded with, and by which versions, the same on all workers.
+"""The order for a fleet: the panel, camera and options that all flights are decoded with, and the versions to do it.
 
 Panel and camera are copied into the output when the fleet is begun, where every worker finds them.
 """
@@ -127,7 +127,7 @@ class Order:
 
     @property
     def key(self) -> dict[str, object]:
-        """What results must agree in to be results of this order."""
+        """The values in which results must agree to be results of this order."""
         return {
             "software": self.versions.software,
             "libraries": list(self.versions.libraries),

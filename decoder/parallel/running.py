@@ -1,4 +1,4 @@
-"""Processing a fleet: as many flights in work as there is room for; failures are told apart from workers that die."""
+"""Processing a fleet: as many flights at a time as there is room for; failures are told from workers that die."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a process that reads frames does, and the plain form in which readings are sent and stored in a journal."""
+"""The work of a process that reads frames, and the plain form in which readings are sent and stored in a journal."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A pool of processes that read a flight's batches, returned in the flight's order.
 
-Only a few batches per worker are in memory at any time, however long the flight is. A worker that is killed, or that
-hangs, loses nothing: its batch is read again by a new one, first whole, then frame by frame, until only a frame that
-kills its reader is left out.
+Only a few batches per worker are in memory at any time, however long the flight is. If a worker is killed or hangs,
+nothing is lost: a new one reads its batch again, first whole, then frame by frame, until only a frame that kills its
+reader is left out.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from decoder.parallel.thresholds import (
 from decoder.parallel.worker import Packed, begin_reading, read_packed, recipe, unpack, without_pictures
 
 LOOK_S = 1.0
-MAX_DEATHS_IN_A_ROW = DEATHS * MAX_BATCH_FRAMES  # with nothing read between them: a batch in which each frame kills
+MAX_DEATHS_IN_A_ROW = DEATHS * MAX_BATCH_FRAMES  # with nothing read in between: a batch of which every frame kills
 # A hang takes so long to detect that it counts as several deaths.
 DEATHS_OF_A_HANG = 10
 

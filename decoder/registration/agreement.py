@@ -1,11 +1,12 @@
-"""Agreement: which of the places where anchors were found belong to one panel, and what too few leave unknown.
+"""Agreement: which anchor hits belong to one panel, and how far off a panel may be if only few anchors were found.
 
 Features that look alike, a hand, or glare give hits in wrong places. Every two hits of different anchors propose a
 shift, roll and scale; the proposal that most other hits agree with wins (as in RANSAC, but exhaustively, since there
 are few). So identical knobs are told apart by their positions.
 
-Three anchors determine no perspective, one anchor no roll. Where a hand covers the others, the frame is aligned with a
-smaller model, and dials away from what is left may be pixels off. The frames that showed enough tell by how much.
+Three anchors determine no perspective, one anchor no roll. If a hand covers the others, the frame is aligned with a
+smaller model, and dials far from the remaining anchors may be pixels off. Frames that showed enough anchors give the
+size of that error.
 """
 
 from __future__ import annotations

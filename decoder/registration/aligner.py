@@ -136,10 +136,10 @@ class Aligner:
         return self._own.model(self._own.features) >= Model.AFFINE
 
     def sight(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Matrix | None:
-        """(3, 3): where SIFT puts the panel, if its features show more perspective than their alignment can express.
+        """(3, 3): where SIFT puts the panel, if its features show more perspective than the alignment can express.
 
-        Few anchors are aligned with less than a perspective; but if their own pixels show one, the camera at least
-        stands elsewhere.
+        With few anchors, the alignment has no perspective. If the pixels of the features show one all the same, the
+        camera has at least moved. None if they do not, or SIFT fails or agrees with the alignment.
 
         Raises
         ------
@@ -190,7 +190,7 @@ class Aligner:
         return places
 
     def align_roughly(self, frame: GreyPicture, focal_length_mm: float | None = None) -> Alignment:
-        """Align a panel that is not a plane: if its features disagree, roughly, by what most anchors agree on.
+        """Align a panel that is not a plane, roughly, by what most anchors agree on; as `align` if too few are found.
 
         Raises
         ------

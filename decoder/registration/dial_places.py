@@ -264,10 +264,10 @@ class GaugePlacer:
 def at_consensus(
     placers: Sequence[GaugePlacer | None], places: Sequence[GaugePlace | None], alignment: Alignment
 ) -> list[GaugePlace | None]:
-    """Place dials whose own marks are not found where the others lie, as uncertainly as these scatter.
+    """Place each dial whose own marks are not found at the mean shift of the others; its sigma is their scatter.
 
-    What is printed around a needle may turn, too, or lie in glare. The anchors count as one of the others. The variance
-    is that of one more draw beside so few: of Student's t, whose degrees of freedom are two for each but the first.
+    Marks around a needle may turn too, or lie in glare. The anchors count as one more dial, with no shift. The variance
+    is that of one more sample beside so few, of Student's t with two degrees of freedom for each dial but the first.
     """
     found = [place.shift_px for placer, place in zip(placers, places, strict=True) if placer and place]
     spare = len(found) - 1
@@ -312,7 +312,7 @@ def place_all(
 ) -> list[GaugePlace | None]:
     """Find all dials of a frame near where the anchors put them; None for those whose marks are not found there.
 
-    A dial without a placer, which looks no different from what moves on it, stays where the anchors put it.
+    A dial without a placer stays where the anchors put it: nothing on it could be told from what moves on it.
     """
     places = [
         GaugePlace(alignment, np.eye(3), (0.0, 0.0), 0.0) if placer is None else placer.place(frame, alignment)
@@ -326,8 +326,8 @@ def shrink_to_consensus(
 ) -> list[GaugePlace | None]:
     """Shrink each dial's place towards the consensus of the others, depending on how far these scatter.
 
-    A short scale tells little of where its pivot is. If the other dials lie where the anchors put them, or are all
-    shifted alike, it is likely shifted alike too; if they scatter, its own marks are all there is.
+    A short scale hardly determines its pivot. If the other dials lie where the anchors put them, or are all shifted
+    alike, this one is likely shifted alike too; if they scatter, only its own marks count.
     """
     known = [
         (index, np.array(place.shift_px), 1.0 / (place.sigma_px**2 + SURE_PX**2))

@@ -277,7 +277,7 @@ class FramePlacer:
         return UnwrappedFrame(alignment, gauges, whole, focal_length_mm, (width, height), shifts, sigmas, alignments)
 
     def rows_at_first(self) -> int | None:
-        """Do `rows_wanted` before any frame was seen, as if the camera stood where the panel picture was taken."""
+        """Do as `rows_wanted` before any frame was seen, as if the camera stood where the panel picture was taken."""
         return self._rows([self._own], ROWS_OF_BLOCKS)
 
     def rows_wanted(self, alignments: Sequence[Alignment]) -> int | None:

@@ -6,8 +6,8 @@ where only one was found, the level edge gives the roll. All features that match
 anchors are searched for again where these put them. An alignment whose features do not match is refused: a frame that
 cannot be aligned is missing, never read somewhere else.
 
-Where fewer features match than the panel has, their own pixels may still tell more of the motion than their positions
-do: an anchor seen obliquely is squeezed. A larger motion is accepted if it is significant.
+If some features do not match, the pixels of the others may still determine more of the motion than their positions
+do: an anchor seen obliquely is squeezed. A motion with more parameters is accepted if it is significant.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from decoder.registration.thresholds import (
 
 # Thresholds to try if features disagree: a covered one rarely reaches the first, one half outside hardly the second.
 CLEARER_SCORES = (0.6, 0.85)
-# What matches may change with the alignment, so it is determined repeatedly.
+# Which features match may change with the alignment, so they are determined repeatedly.
 MATCHING_PASSES = 3
 Scores = Mapping[str, float]
 """How well features match, by their names."""

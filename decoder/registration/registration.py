@@ -44,7 +44,7 @@ NOISE_CORRELATION = 2.0
 
 @dataclass(frozen=True, slots=True)
 class FeatureSolver:
-    """What the panel picture alone tells of one feature.
+    """What is computed for one feature from the panel picture alone.
 
     `rows` (parameters + 1, N) are the derivatives of its pixels by the motion, with light projected out, followed by
     its pixels minus their mean; `normal` is the normal matrix of the derivatives, `energy` the sum of squares of the

@@ -1,4 +1,4 @@
-"""What the page's server answers: one function for each question, run in a worker thread."""
+"""The answers of the page's server: one function for each question, run in a worker thread."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ PLACES = 4
 
 
 def unwrap_answer(session: SetupSession, asked: UnwrapQuestion) -> Answer:
-    """Unwrap a dial, with what is needed to read its picture."""
+    """Unwrap a dial, with the geometry that is needed to read its picture."""
     planes = session.planes(asked.seen, asked.picture)
     plane = planes.drawn(asked.centre, asked.rim).plane
     inner, outer = asked.dial(plane).radius_px
@@ -79,7 +79,7 @@ def planes_answer(session: SetupSession, asked: PlaneQuestion) -> Answer:
 
 
 def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
-    """Find the rim meant by clicks; or only how uncertain they leave the centre of a new one, if very."""
+    """Find the rim meant by clicks; if they leave a new one's centre very uncertain, only say how uncertain."""
     picture, planes = session.store.grey(asked.picture), session.planes(asked.seen, asked.picture)
     if asked.ring is None:
         clicks, hub = asked.points[:3], asked.points[3:]

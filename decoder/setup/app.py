@@ -164,7 +164,7 @@ def _session_routes(session: SetupSession) -> list[Route]:
 
 def _question_routes(session: SetupSession) -> list[Route]:
     turns = Turns()
-    # A trial uses a whole core; one at a time, so that there is another for what somebody waits for.
+    # A trial uses a whole core: run one at a time, so that another core is free for answers that somebody waits for.
     one_trial, many = asyncio.Semaphore(1), asyncio.Semaphore(MANY)
 
     def plain(path: str, model: type[Question], answer: Callable[[SetupSession, Question], answers.Answer]) -> Route:

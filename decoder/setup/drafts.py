@@ -1,4 +1,4 @@
-"""Drafts: what the page has drawn so far, as in `panel.yaml`, what is wrong with it, and cached alignments.
+"""Drafts: the panel as drawn so far on the page, as in `panel.yaml`; their errors; and cached alignments.
 
 While gauges are drawn the anchors stay the same, so that frames need not be aligned again: on an oblique panel with ten
 anchors, aligning twenty frames takes nine tenths of a trial.
@@ -242,7 +242,7 @@ class RememberingAligner(Aligner):
         frame: GreyPicture,
         focal_length_mm: float | None,
     ) -> Alignment:
-        """Name a search by all that it depends on; of the gauges only by the model that is certain enough for them."""
+        """Do a search once, identified by all that it depends on: of the gauges, only the model that they allow."""
         name = how, id(frame), focal_length_mm, self.usual.elements, self._own.model(self._own.features)
         return self._memory.recall(name, frame, lambda: find(frame, focal_length_mm))
 

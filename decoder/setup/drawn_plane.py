@@ -1,6 +1,6 @@
 """The face of a dial as the panel picture shows it: where its angles and radii lie there, and its needles' height.
 
-A draft is rarely complete, so whatever of it determines a plane is used, and everything else counts as seen square on.
+A draft is rarely complete: any part of it that determines a plane is used; other dials count as seen square on.
 """
 
 from __future__ import annotations
@@ -115,9 +115,9 @@ class DrawnPlane:
 
 @dataclass(frozen=True, slots=True)
 class Planes:
-    """What a draft tells of how its dials are seen.
+    """How a draft's dials are seen, as far as the draft determines that.
 
-    `inches` carries inches on the panel to its picture without distortion, (3, 3); None if the draft does not tell.
+    `inches` carries inches on the panel to its picture without distortion, (3, 3); None if it is not determined.
     """
 
     optics: Optics
@@ -125,7 +125,7 @@ class Planes:
 
     @classmethod
     def of(cls, document: Mapping[str, Any], size_px: tuple[int, int], camera: Camera | None) -> Self:
-        """Collect what a draft tells, for a picture of that size."""
+        """Determine how a draft's dials are seen in a picture of that size."""
         focal_length_mm = _valid(_LENGTH, document.get("focal_length_mm"))
         panel = Panel.model_construct(
             reference_points=_valid(_REFERENCES, document.get("reference_points")) or (),
@@ -155,7 +155,7 @@ class Planes:
         return DrawnPlane(plane, lens)
 
     def raised(self, height_inches: object) -> Raised | None:
-        """Raise the panel's plane to needles at this height above their face; None if the draft does not tell."""
+        """Raise the panel's plane to needles at this height above their face; None if the draft has no such plane."""
         height = _valid(_LENGTH, height_inches)
         if height is None or self.inches is None or self.optics.lens is None:
             return None

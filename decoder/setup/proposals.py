@@ -207,7 +207,7 @@ def proposed(seen: Pictures, dial: Dial) -> list[Proposal]:
     if not len(views.others):
         return []
     whole = _views(seen, dial.from_hub)
-    # What other frames do not show there, and what differs from a plain dial here.
+    # Light that other frames do not show in that place, and that differs from a plain dial in the panel picture.
     changes = np.percentile(np.abs(views.others - views.own), CHANGED_PERCENTILE, axis=0)
     here = np.minimum(changes, np.abs(views.own - np.median(views.own, axis=0)))
     profile = _smooth(here.mean(axis=1), round(ROUGH_DEG / views.grid.step_deg))

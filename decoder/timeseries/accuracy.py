@@ -1,9 +1,9 @@
 """Accuracy: flight data compared with the truth, by the thesis's measure, stricter ones, and regulators' limits.
 
-The thesis reports 100 minus the mean error in percent of the true value; its published averages are finer than its
-own rows, so they are presumably means of signed errors, in which too high and too low cancel. Here are both, together
-with percent of full scale and units. On a scale that wraps, errors go the short way round. Truth at other times than
-the frames is interpolated linearly, never extrapolated.
+The thesis reports 100 minus the mean error in percent of the true value. Its published averages are better than its own
+rows, so they are presumably means of signed errors, in which too high and too low cancel. Both means are computed here,
+also in percent of full scale and in units. On a scale that wraps, errors go the short way round. Truth at other times
+than the frames is interpolated linearly, never extrapolated.
 
 For some parameters, what regulators ask of flight data recorders is given as a range (such as 100 to 700 ft, by
 altitude): within its narrow end a needle passes, beyond its wide end it fails, in between it depends on the

@@ -1,9 +1,9 @@
 """Cross-checks: instruments that show the same thing in two ways, compared with each other.
 
-The rate of altitude is what the vertical speed indicator shows. The rate of the heading follows from bank and airspeed,
-and is what a turn indicator shows. A compass shows the heading, and two columns of one parameter show one value. If two
-of them are further apart than their uncertainty, the tolerance of such instruments, and the lag between them explain,
-they disagree. That is reported; nothing is averaged, and it is not decided which is wrong.
+A vertical speed indicator shows the rate of altitude. A turn indicator shows the rate of heading, which also follows
+from bank and airspeed. A compass shows the heading, and two columns of one parameter show one value. Two of them
+disagree if they are further apart than their uncertainties, the tolerances of such instruments and the lag between them
+explain. A disagreement is reported; nothing is averaged, and it is not decided which is wrong.
 
 Rates are compared by their integrals over some seconds. An instrument that lags by L seconds, whatever the nature of
 the lag, then differs from one that does not by at most L times the range of what it shows meanwhile.
@@ -117,7 +117,7 @@ class CrossCheck:
     disagreements
         By time.
     but
-        What would look like a disagreement without being one, if it cannot be excluded here.
+        A possible cause that would look like a disagreement without being one, if it cannot be excluded here.
     """
 
     what: str
@@ -252,7 +252,7 @@ def _of_one_parameter(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossChe
 
 
 def _of_compass(by_parameter: Sensed, time_s: Floats) -> Iterator[CrossCheck]:
-    """Compare a compass with headings while neither has turned for a while, as in turns it errs by tens of degrees."""
+    """Compare a compass with headings while neither has turned for a while: in turns it is off by tens of degrees."""
     for heading in by_parameter.get("heading", ()):
         for compass in by_parameter.get("compass", ()):
             rest = _at_rest(time_s, heading) & _at_rest(time_s, compass)

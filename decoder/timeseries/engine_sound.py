@@ -7,9 +7,9 @@ comb explains a window's peaks as far as they lie on its teeth:
     L(rpm) = sum over peaks of log(1 - c + c * p(f | rpm) / p(f | anything)),   c: how surely a peak is a tone
 
 The more teeth a comb has, the less it predicts where a tone lies, so half the true speed explains the same peaks less
-well. Time helps to choose between combs: the best path through the windows (Viterbi) pays for being unsteady. It never
-decides alone: the surrounding windows must distinguish that comb from chance, and from the best path that is not near
-it, and the window itself must have peaks on it. Where another path explains the sound nearly as well, there is no
+well. Time helps to choose between combs: the best path through the windows (Viterbi) pays a cost for being unsteady.
+That never decides alone. The surrounding windows must distinguish the comb from chance, and from the best path that is
+not near it, and the window itself must have peaks on it. If another path explains the sound nearly as well, there is no
 value, and the other speeds are listed.
 
 Sources: Vaidya, Shin and Hwang, AIAA 2017-0792 (propeller and engine speed from cockpit sound); Klapuri, IEEE TSAP 11
@@ -201,7 +201,7 @@ def engine_speed(peaks: Sequence[SoundPeaks], engine: Engine) -> EngineSpeed:
     peaks
         Of a flight, or of a part of it; at least one.
     engine
-        What is known of it; the less that is, the more is ambiguous.
+        What is known of the engine; with less, more speeds are ambiguous.
     """
     windows = sorted({each.time_ns: each for each in peaks}.values(), key=lambda each: each.time_ns)
     listener = _Listener(engine)
@@ -320,7 +320,7 @@ class _Listener:
 
 
 def _sureness(above_db: Floats) -> Floats:
-    """(P,): the probability of a peak being a tone, 0 to 0.7, as a window has noise peaks, and speech has tones too."""
+    """(P,): the probability that a peak is a tone of the engine, 0 to 0.7: noise has peaks, and speech has tones."""
     sure: Floats = np.interp(above_db, [_NOISE_DB, _SURE_DB], [0.0, _SURE])
     return sure
 

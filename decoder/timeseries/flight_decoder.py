@@ -51,7 +51,7 @@ def decode_flight(
         The frames to read; None for all. The reader is fitted to the whole flight in any case, so that a frame's
         readings are the same whichever part is asked for.
     tell
-        Is told what is being done before the frames are taken, and nothing ("") while they are.
+        Called with a description of the work before frames are taken, and with "" once they are.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _gathered(panel: Panel, read: Iterable[tuple[Batch, list[Outcome]]], flight:
 
 
 def with_gps(data: FlightData, fixes: Iterable[GpsFix]) -> FlightData:
-    """Add what the camera's GPS says; if a needle has the same name as a column, the needle wins, with a warning."""
+    """Add the camera's GPS columns; if a needle has the same name as one, the needle wins, with a warning."""
     found = resampled(fixes, data.time_ns)
     if found is None:
         return data

@@ -2,11 +2,11 @@
 
 A flagged reading, one whose score stayed below the threshold, is replaced by linear interpolation between the nearest
 frames that were read, never beyond the first or the last of them. Frames in which the panel itself was not found stay
-missing. The uncertainty grows into the gap with how far the needle strays from such lines over equally long stretches
-elsewhere in the flight, and with what the speeds before and after do not explain, up to that of a guess. If a needle
-was seen in fewer than half of the frames, a guess is not a value. Where a needle may have gone all the way round within
-a gap, the value is a guess as well. If the match that was refused in a frame is a likely one, and goes on in the frame
-before or after, the uncertainty covers its place, too.
+missing. The uncertainty grows towards the middle of the gap. It consists of how far the needle strays from such lines
+over equally long stretches elsewhere in the flight, and of the change that the speeds before and after do not explain;
+it is at most that of a guess. If the needle may have gone all the way round within the gap, the value is a guess as
+well; and if a needle was seen in fewer than half of the frames, a guess does not count as a value. If the refused match
+in a frame is a likely one, and continues in the frame before or after, the uncertainty covers its place too.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 
 def fill_gaps(data: FlightData) -> FlightData:
-    """Flag doubtful readings of covered needles and of hands that tell no value together, and fill what is missing."""
+    """Flag doubtful readings of covered needles and of hands without a common value, and fill what is missing."""
     data = _doubted_together(_with_unsure_turns(_without_lone_turns(data)))
     by_name = {series.quantity.name: series for series in data.series}
     parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
@@ -54,12 +54,13 @@ def fill_gaps(data: FlightData) -> FlightData:
 
 
 def _without_lone_turns(data: FlightData) -> FlightData:
-    """Refuse combined values that jump by turns to frames in which a pointer is hidden, and no frame there shows all.
+    """Refuse combined values with a hidden pointer that are whole turns off all frames in which every pointer shows.
 
-    A pointer that is not seen is taken to lie below another one. Whatever else hides it, such as a tail that the panel
-    does not describe, puts the value turns off. Values that follow from frames in which all pointers show are kept. If
-    there are none, the coarsest pointer may contradict the others wherever it shows, because it is drawn wrongly or is
-    print: nothing tells its turns where it does not.
+    A pointer that is not seen is assumed to lie below another one. If something else hides it, such as a tail that the
+    panel does not describe, the value is turns off. Values between such jumps are kept if some frame among them shows
+    all pointers. If no frame of the flight does, the coarsest pointer may be drawn wrongly or be print, and so
+    contradict the others wherever it shows: then every value without it is refused, since nothing else counts its
+    turns.
     """
     by_name = {series.quantity.name: series for series in data.series}
     for each in data.combinations:
@@ -79,9 +80,10 @@ def _without_lone_turns(data: FlightData) -> FlightData:
 
 
 def _with_unsure_turns(data: FlightData) -> FlightData:
-    """Return combined values as `edge`, as uncertain as a coarser hand that does not tell the finer one's turns.
+    """Return combined values as `edge` if a coarser hand is too uncertain to count a finer one's turns; add its sigma.
 
-    What is drawn as the hand may be print, which is the same in each frame: it contradicts nothing, and counts nothing.
+    What was drawn as that hand may be print, which is the same in each frame: it contradicts nothing, and counts
+    nothing.
     """
     by_name = {series.quantity.name: series for series in data.series}
     for each in data.combinations:
@@ -120,7 +122,7 @@ def _as_missing(series: NeedleSeries, where: Mask) -> NeedleSeries:
 
 
 def _doubted_together(data: FlightData) -> FlightData:
-    """Return hands as `edge` in frames in which they tell no value together: any of them may be something else."""
+    """Return hands as `edge` in frames in which they have no common value: any of them may be something else."""
     by_name = {series.quantity.name: series for series in data.series}
     unsure = {
         part: by_name[each.quantity.name].has(Status.MISSING) for each in data.combinations for part in each.parts
@@ -151,9 +153,9 @@ def _without_doubtful(
 ) -> NeedleSeries:
     """Keep covered readings only where the needle went under the covering one, or came out from under it.
 
-    Glare over the needle somewhere else on the dial looks just like a hidden needle, and its edge beside the covering
-    needle like a partly visible one. So at each end of a run of doubted frames the nearest trusted frame must show the
-    needle at about the same place as the run; a needle that is never seen so is not known to be covered.
+    A needle under glare elsewhere on the dial looks just like a hidden one, and the edge of glare beside the covering
+    needle like a partly visible one. So at each end of a run of doubted frames, the nearest trusted frame must show the
+    needle at about the same place as the run. Otherwise it is not known that the needle was covered.
     """
     covered, seen = series.has(*doubted), np.flatnonzero(series.has(*trusted))
     doubtful = np.zeros_like(covered)
@@ -211,10 +213,10 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
 
 
 def _likely_off(series: NeedleSeries, flagged: NDArray[np.intp], line: Floats) -> Floats:
-    """(M,): how far beside the line the refused match of each flagged frame lies; 0 where it is no sight of the needle.
+    """(M,): how far the refused match of each flagged frame is from the line; 0 if that match is not likely the needle.
 
-    A whole gap may be due to where the needle is, such as a ball that looks different at its stop. It is then found
-    likely from frame to frame, and moves no faster than where it was read; a match in glare jumps about.
+    A whole gap may be due to where the needle is, such as a ball that looks different at its stop. Its matches are then
+    likely ones from frame to frame, and move no faster than the readings do; matches in glare jump about.
     """
     quantity = series.quantity
     likely = series.score >= LIKELY_SCORE
@@ -232,8 +234,8 @@ def _likely_off(series: NeedleSeries, flagged: NDArray[np.intp], line: Floats) -
 def _may_have_turned(values: Floats, known: NDArray[np.intp], time_s: Floats, wraps: float) -> Mask:
     """(N - 1,): where between two known frames it may have moved by more than half a turn, or the other way round.
 
-    Its speed is taken from consecutive frames, of which 95 % show less. Where there are too few, it may have gone round
-    any number of times.
+    Its highest speed is taken from consecutive frames: 95 % of them show less. With too few frames, it may have gone
+    round any number of times.
     """
     gaps_s = np.diff(time_s[known])
     follows = np.diff(known) == 1

@@ -1,4 +1,4 @@
-"""What the camera's GPS says at the frames: position, speed and direction, beside what is read of the panel.
+"""The camera's GPS at the frames: position, speed and direction, in addition to the panel's readings.
 
 Values are interpolated linearly between the receiver's samples before and after a frame. There is none if one of the
 two has no fix, if they are more than a second apart, or before the first and after the last: nothing is extrapolated.

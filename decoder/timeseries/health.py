@@ -30,10 +30,10 @@ MOSTLY = {
 
 
 def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightData, Mapping[str, Sequence[str]]]:
-    """Downgrade values whose gauge's drawing or place, or whose frame, is too uncertain, and say why by gauge.
+    """Downgrade values that are too uncertain because of their gauge's drawing or position, or their frame; say why.
 
-    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hard to see: a wrong value
-    costs more than ten that are marked as doubtful. Mere allowances do not count.
+    A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hard to see. One wrong
+    value does more harm than ten that are marked as doubtful. Mere allowances do not count. The reasons are by gauge.
     """
     found, doubts = [], defaultdict(list)
     for series in data.series:
@@ -89,7 +89,7 @@ def health_line(findings: Sequence[str]) -> str:
 
 
 def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
-    """Say of one needle whether it is read at all, and whether the flight could teach what it looks like."""
+    """Say whether one needle is read at all, and whether it could be learned from the flight."""
     name, is_seen = series.quantity.name, _is_seen(series)
     seen = int(is_seen.sum())
     if seen < HALF * shown:

@@ -1,8 +1,9 @@
 """Outliers: values that the frames around them make implausible. They are reported, and never changed.
 
-There are two tests, each for what was seen on the dial, not for interpolated values: a value that leaves the line of
-its neighbours for a few frames and comes back to it, and one that was reached faster than the panel's `max_rate`
-allows. A step is not an outlier, since the value does not come back. Neither is a value next to a recording pause.
+There are two tests, both only for values that were seen on the dial, not for interpolated ones: whether a value leaves
+the line of its neighbours for a few frames and comes back to it, and whether it was reached faster than the panel's
+`max_rate` allows. A step is not an outlier, since the value does not come back. Neither is a value next to a pause in
+the recording.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def _away_and_back(
         nearest = np.abs(distance).min(axis=0)
         candidates += [(-float(nearest[start]), start, start + frames + 1) for start in before[apart].tolist()]
     away = np.zeros(len(values), bool)
-    for _, start, end in sorted(candidates):  # the furthest first, since it makes its neighbours look off
+    for _, start, end in sorted(candidates):  # the furthest off first, since it makes its neighbours look off
         if not away[start : end + 1].any():
             away[start + 1 : end] = True
     return away

@@ -59,7 +59,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What the flight data's own description says of a column; `wraps` is the value of a full turn."""
+    """A column as the flight data's own description has it; `wraps` is the value of a full turn."""
 
     unit: str
     full_scale: float | None

@@ -45,12 +45,12 @@ def has_parameter_sets(data: bytes, kind_of_video: str) -> bool:
 
 
 def in_groups(frames: Iterable[Frame]) -> Iterator[list[Frame]]:
-    """Cut frames into groups, each in order of time; a frame that is not video is a group of its own.
+    """Divide frames into groups, each in order of time; a frame that is not video is a group of its own.
 
     Frames are numbered in that order: those of a video exchange their stored numbers.
 
-    Memory holds one group and the beginning of the next. The rest of a group too large for that comes without the
-    packets needed to decode it.
+    Memory holds one group and the beginning of the next. If a group is too large for that, the rest of it comes without
+    the packets needed to decode it.
     """
     own: list[Frame] = []
     given: list[Frame] = []  # leading pictures of this group's key frame, already in the group before

@@ -97,7 +97,7 @@ _TIME_BY = {
 
 
 def recorded_by(session: Session) -> list[tuple[str, str]]:
-    """List what a recording says of its recorder and camera, as (label, text) pairs."""
+    """List a recording's facts about its recorder and camera, as (label, text) pairs."""
     versions = ", ".join(f"{name} {version}" for name, version in session.versions.items())
     camera = " ".join(filter(None, [session.camera_model, session.camera_serial])) or session.camera_driver
     says = {

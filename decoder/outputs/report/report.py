@@ -327,7 +327,7 @@ def _flight(report: Decoded, flags: Sequence[Flag], order: Order, tracks: Sequen
 
 
 def _about(report: Decoded, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Say what notes on this page refer to: the files that it is made of, and the data that it shows."""
+    """Identify what notes on this page refer to: the files that it is made from, and the data that it shows."""
     return {
         "recording": report.provenance.recording,
         "name": report.name,

@@ -140,7 +140,7 @@ class Attitude(Plain, Strict):
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return it with its index at its true angle; its marks of bank are the gauge's.
 
-        One that was left out is straight up, which nobody saw from a wrong centre.
+        An index that was left out is straight up: it was not drawn, so a wrong centre does not affect it.
         """
         index_deg = true_deg(self.index) if "index" in self.model_fields_set else self.index
         return {self.form.key: self.model_copy(update={"index": index_deg})}

@@ -1,4 +1,4 @@
-"""A ball in a curved tube, as `panel.yaml` describes it: what moves along a line across the panel picture."""
+"""A ball in a curved tube, as `panel.yaml` describes it, or anything else that moves along a line."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Ball(Plain, Strict):
         return {self.name: ends if math.isfinite(at_deg) else None}
 
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
-        """Return the ball's way, and as much beyond as half of it needs there, and the dial beside it."""
+        """Return the ball's path, with half a ball beyond each end, and the dial beside it."""
         first_deg, last_deg = dial.reach
         margin_deg = dial.beyond_deg + math.degrees(1.5 * self.width / dial.radius[1]) + 1.0
         return first_deg - margin_deg, last_deg + margin_deg

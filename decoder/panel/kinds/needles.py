@@ -166,7 +166,7 @@ class Needles(Plain):
     def unwrapped_deg(self, dial: Dial) -> tuple[float, float]:
         """Return where needles go, and as much beyond as the widest template needs.
 
-        All round, two needles near each other are to lie side by side on it wherever one of them is.
+        On a round dial, that is enough for two neighbouring needles to lie side by side wherever one of them is.
         """
         widest_deg = max(needle.template.span_deg for needle in self.each)
         margin_deg = dial.beyond_deg + widest_deg / 2 + 1.0

@@ -72,7 +72,7 @@ class OverCard(Plain):
         self.needles.check(dial)
 
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
-        """Return what stands under the index, then each needle's, and what stands on the card below it."""
+        """Return the card's value under the index, then for each needle its own, and the card's value below it."""
         on_card = tuple(
             Quantity(needle.on_card, dial.name, dial.unit, dial.scale, dial.wraps, None, None)
             for needle in self.needles.each
@@ -85,7 +85,7 @@ class OverCard(Plain):
         return self.card.pointers() + self.needles.pointers()
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar] | None]:
-        """Return where needles lie that are read on the card, as it is turned; None where that is not known."""
+        """Return the lines of needles that are read on the card, allowing for its turn; None if that is unknown."""
         card = Scale.of(dial.scale, dial.wraps)
         (under_deg,) = card.angles_of(np.array([values[self.card.name]])).tolist()
         lines: dict[str, tuple[Polar, Polar] | None] = {}

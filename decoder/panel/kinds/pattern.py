@@ -15,7 +15,7 @@ MOST_SIGNS = 20
 
 
 def check_pattern(pattern: str, cells: str) -> None:
-    """ValueError unless a pattern has digits, written by the signs in `cells`, with what else may stand between."""
+    """Raise ValueError unless a pattern has digits, written with the signs in `cells`, and valid signs between them."""
     if not any(sign in cells for sign in pattern) or pattern.count(POINT) > 1:
         raise ValueError("needs a `pattern` of digits, such as 000.00, with one point at most")
     if any(sign in digits.replace(DIGIT, "") for sign in pattern):
@@ -28,7 +28,7 @@ def check_pattern(pattern: str, cells: str) -> None:
 
 
 def check_shown(shows: str, pattern: str) -> None:
-    """ValueError unless what is shown is written as the pattern is, sign by sign."""
+    """Raise ValueError unless the text shown agrees with the pattern, sign by sign."""
     if len(shows) != len(pattern) or not all(map(_fits, shows, pattern)):
         raise ValueError(f"`shows` is not written as {pattern}: give a sign for each of the pattern's")
 

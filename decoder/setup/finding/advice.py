@@ -1,10 +1,10 @@
 """Advice: how a gauge might be drawn better, offered only if all frames of the sample together fit it better.
 
-The frames tell where needles turn, and where their axes are. A gauge is redrawn accordingly and tried again on all of
-them before it is offered, since moving a centre turns axes with it, and an axis from one picture may fit the others
-worse. An offer reads more values, or as many with no lower score and at most half of the error that prompted it, so
-offers come to an end. And if it reads no more, the panel picture must show the same values as before: frames tell where
-a needle turns, not what it points at.
+The frames show where needles turn, and where their axes are. A gauge is redrawn accordingly and tried again on all
+frames before it is offered, since moving a centre turns axes with it, and an axis from one picture may fit the others
+worse. An offer must read more values; or as many, with no lower score and at most half of the error that prompted it,
+so that offers come to an end. If it reads no more, the panel picture must also show the same values as before: frames
+show where a needle turns, not what it points at.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Fit:
     read, of
         How many of its values are read, and how many there are.
     score
-        The average over all its needles in all frames, but where they are hidden; 0 where one is missing.
+        The average over all its needles in all frames in which they are not hidden; 0 for one that is missing.
     beside_px
         How far from its centre its needles turn.
     off_deg
@@ -148,7 +148,7 @@ class Offer:
     key
         Of what is offered: `centre`, `height`, `around` or `axes`.
     said, does
-        What the frames show, and what it does about that, for people.
+        What the frames show, and how the offer changes the gauge, for people.
     gauge
         The whole gauge, changed.
     gain
@@ -182,7 +182,7 @@ class Sight:
 
 
 def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries: Try, axis: Axis) -> list[Offer]:
-    """Offer what fits all frames of the sample better: at most one change, with all that follows from it.
+    """Offer at most one change that fits all frames of the sample better, with everything that follows from it.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Dials with geared hands, such as an altimeter or a clock: each hand as in `panel.yaml`, and their common value.
 
-The values of such a dial's hands are always the same; the flight tells which moving thing is which hand. Nothing is
-known of a hand that did not move: an altimeter is then read within a turn of those that did, a clock not at all.
+The values of such a dial's hands are known; the flight shows which moving thing is which hand. Nothing is known of a
+hand that did not move: an altimeter is then read within a turn of the coarsest hand that did, a clock not at all.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ class Geared:
     Attributes
     ----------
     value
-        What they tell together.
+        The name of their common value.
     unit
         Its unit, whatever the dial says; None if the dial has to say it.
     ways
-        The hands there may be, the most first.
+        The sets of hands that it may have, the largest first.
     """
 
     value: str

@@ -1,4 +1,4 @@
-"""Hands of one dial that tell one value together: where each points in every frame, and which of them is which.
+"""Hands of one dial that show one value together: where each points in every frame, and which of them is which.
 
 What moves over a dial ends in tips. A hand's tip is always at the same distance from the pivot, so its length
 distinguishes it from the others. The flight tells whether a shorter hand counts the turns of a longer one: its angle
@@ -167,7 +167,7 @@ def _axis(lit: Mask, moving: Floats, places: tuple[Floats, float], row: int) -> 
 
 
 def what_is_not_told(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: float) -> str:
-    """Say why what moves on a dial is not a single needle with a known head; empty if it is.
+    """Say why the thing that moves on a dial is not a single needle with a known head; empty if it is.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def what_is_not_told(seen: Pictures, drawn: DrawnPlane, ring_px: float, at_deg: 
 def has_several(frames: Sequence[Sequence[Tip]]) -> bool:
     """Whether something besides the longest hand and its tail is about as long, and moves by itself.
 
-    What is seen at one angle only is not a hand: the face there was mostly hidden by one.
+    A thing seen at one angle only is not a hand: it is the face there, which a hand hides in most frames.
     """
     others = [
         tip.angle_deg
@@ -259,7 +259,7 @@ def together(
     *,
     further: int | None = None,
 ) -> Hands | str:
-    """Find hands that tell one value together, or say why there are none.
+    """Find hands that show one value together, or say why there are none.
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def together(
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """Some tips of the panel picture taken for hands; what they tell in each picture, turns of the finest, or NaN."""
+    """Tips of the panel picture taken for hands; their common value in each picture, turns of the finest, or NaN."""
 
     tips: tuple[Tip, ...]
     turns: tuple[float, ...]
@@ -328,7 +328,7 @@ class _Chain:
         return alone and agreed >= ALIKE * len(frames) and self.looks >= LEAST_RUN
 
     def contradicts(self, other: Self) -> bool:
-        """Whether it tells another value than another chain, and not because it takes tails for tips."""
+        """Whether its value differs from another chain's, and not because it takes tails for tips."""
         tails = [
             abs(shortest(np.array(own.angle_deg - tip.angle_deg + 180.0), FULL_CIRCLE_DEG)) < NEAR_DEG
             and own.reach_px < ALIKE * tip.reach_px

@@ -1,4 +1,4 @@
-"""What the words on a dial tell: what it shows, in which unit, and the multiplier of its numerals.
+"""Legends: what a dial shows according to its words, in which unit, and the multiplier of its numerals.
 
 Words are half hidden by needles and misread, so each is compared as a whole and a few letters may be wrong.
 """
@@ -45,18 +45,18 @@ _COUNTED = re.compile(r"^[X×]?(1[0O]{1,3})(.+)$")
 
 @dataclass(frozen=True, slots=True)
 class Legend:
-    """What words tell.
+    """The meaning of a dial's words.
 
     Attributes
     ----------
     name
-        Of what is shown; empty if no word tells.
+        Of what is shown; empty if no word says so.
     unit
-        Its unit; empty if no word tells.
+        Its unit; empty if no word says so.
     factor
         The value of one on the numerals.
     said
-        The words that told it.
+        The words that say so.
     """
 
     name: str = ""

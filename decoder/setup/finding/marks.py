@@ -100,9 +100,9 @@ def _all_round(fit: Fit, comb: Comb) -> Marked:
 
 
 def _onto_ticks(comb: Comb, places_deg: Floats) -> float:
-    """Turn places onto ticks, near where they are: onto the long ones, and no further than to the first that fit.
+    """Turn places onto nearby ticks: onto long ones, and no further than to the first that fit.
 
-    Fine ticks fit as well a step further on, or better if what lies over a dial hides a long one.
+    A step further on, fine ticks fit as well, or even better if something over the dial hides a long one.
     """
     ticks, lengths = (np.array([getattr(tick, name) for tick in comb.ticks]) for name in ("angle_deg", "length_px"))
     long = np.sort(lengths)[-min(len(places_deg), len(lengths))]

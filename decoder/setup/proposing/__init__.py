@@ -1,4 +1,4 @@
-"""What is found is proposed: searched for step by step, tried on the flight, told to the page or written as a draft.
+"""Proposals: dials searched for step by step, tried on the flight, and sent to the page or written as a draft.
 
 In come a session, the draft so far, and whether anybody still waits.
 Out go proposals one by one as they are found, and a `panel.yaml` of those that are whole.

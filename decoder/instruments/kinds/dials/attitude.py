@@ -278,7 +278,7 @@ _View = tuple[UnwrappedGauge, Turned | None]
 
 
 def _views(own: Attitudes, strips: Iterable[UnwrappedGauge], ring: Ring | None) -> Iterator[_View]:
-    """Read the ring in each frame (R, C): however often its horizon is looked at, it turns alike."""
+    """Read the ring in each frame (R, C), once: its turn is the same however often the horizon is searched for."""
     for strip in strips:
         yield strip, None if ring is None else ring.turn(strip[:, own.ring])
 
@@ -347,8 +347,8 @@ class _HorizonReader:
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
-        # The slope between two neighbours, which lies half way between them: the slope of what sampling shows. Over two
-        # cells a sharp horizon would change half as fast, and every step of a fit would go too far.
+        # The slope between two neighbours, half way between them, is that of the interpolated picture. Over two cells,
+        # a sharp horizon would change half as fast, and every step of a fit would go too far.
         self._ups = np.diff(picture.horizon, axis=0) / np.float32(-grid.column_px)
         self._rights = np.diff(picture.horizon, axis=1) / np.float32(grid.column_px)
         # A horizon that moves less has converged: it is a tenth of what marks drawn by hand leave open.
@@ -576,10 +576,10 @@ def _has_banked(own: Attitudes, views: Sequence[_View]) -> bool:
 
 
 def _learn_with_law(own: Attitudes, views: Sequence[_View], given: AttitudePicture, ring: Ring) -> AttitudePicture:
-    """Learn it from frames, and how much the direction of its shift turns with the ring.
+    """Learn it from frames, together with the law by which the direction of its shift turns with the ring.
 
-    That is the law which leaves least of the frames unexplained, near the panel's. A law is tried with the picture that
-    the best one so far has composed, of all frames: composed anew, or of fewer, it hangs on chance which one is best.
+    The law that leaves least of the frames unexplained is chosen, near the panel's own. Each law is tried with all
+    frames and the picture composed by the best one so far: with a new picture, or fewer frames, chance would decide.
     """
 
     def composed(parts: float, start: AttitudePicture, rounds: int) -> tuple[float, AttitudePicture]:
@@ -617,9 +617,9 @@ def _put_together(
 ) -> AttitudePicture:
     """Compose it from frames, with one law of shifting.
 
-    Few frames match a panel picture in which the symbol covers the horizon: until the last round, those that match
-    best will do. Without a ring, a frame that matches elsewhere about as well may be upside down, and teaches only if
-    others are few; one that seems inverted teaches nothing: its sky may be the others' ground.
+    If the symbol covers the horizon in the panel picture, few frames match it, so until the last round the best matches
+    are used even if they are poor. Without a ring, a frame that matches elsewhere about as well may be upside down, and
+    is used only if there are few others; one that seems inverted is never used, as its sky may be the others' ground.
     """
     known = given
     for number in range(rounds):
@@ -648,7 +648,7 @@ def _put_together(
 
 
 def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: Sight) -> Floats:
-    """(H, W): what a frame shows of the picture, in the picture's light; NaN where it shows nothing."""
+    """(H, W): the part of the picture that a frame shows, in the picture's light; NaN elsewhere."""
     rows, columns, grid = own.rows, own.window, own.grid
     height, width = 2 * math.ceil(columns * (1.0 + REACH_RADII)) + 1, 2 * columns + 1
     y, x = np.mgrid[:height, :width].astype(np.float32)
@@ -753,11 +753,11 @@ class AttitudeKind(Still):
         return {own.own.roll: learn_attitude(own, strips, given, _ring_of(own, given))}
 
     def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
-        """Return it for a horizon that is read: marks of bank on a part of the dial turn too far, or not far enough."""
+        """Return the squeeze for a horizon that is read: it makes bank marks seem to turn too far, or too little."""
         own = Attitudes.of(instrument.gauge, instrument.grid)
         if is_lost or own.own.ring is None:
             return None
-        # Marks on one part of a ring come apart around a pivot that is off as they do in a squeeze.
+        # Marks on one part of a ring draw apart around a wrong pivot just as they do in a squeeze.
         strips = [strip[:, own.ring] for strip in strips]
         return card_squeeze(own.ring_grid, strips, most_left=HALF, axes=SQUEEZE_AXES)
 

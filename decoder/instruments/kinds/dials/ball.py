@@ -1,7 +1,8 @@
-"""Balls in curved tubes: what moves along the tube, dark or bright, learned from the flight.
+"""Balls in curved tubes: whatever moves along the tube, dark or bright, learned from the flight.
 
-Unwrapped along its tube, a ball shifts up and down as a needle does, and is found the same way. Nobody draws what it
-looks like: among the pixels that change over the flight, it is where the tube differs most from its usual look.
+Unwrapped along its tube, a ball shifts up and down as a needle does, and is found the same way. The panel does not
+describe its look: in each frame the ball is where, among the pixels that change over the flight, the tube differs most
+from its usual look.
 """
 
 from __future__ import annotations

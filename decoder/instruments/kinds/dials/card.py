@@ -89,8 +89,8 @@ def card_rows(grid: PolarGrid) -> int:
 class CardReader:
     """Reads the card of one gauge; `picture` is the card as it lies in the panel picture.
 
-    One that `is_doubted`, since most frames of a sample do not match it, is not read: it was learned wrongly, or is
-    seen from aside, and matches by chance.
+    A card that `is_doubted`, because most frames of a sample do not match it, is not read: it was learned wrongly, or
+    is seen obliquely, and any match is by chance.
     """
 
     def __init__(self, gauge: Gauge, grid: PolarGrid, picture: CardPicture, *, is_doubted: bool = False) -> None:
@@ -153,7 +153,7 @@ class CardReader:
         covariance = np.linalg.inv(normal / noise + np.eye(2) / PRIOR_PX**2)
         x, y = (covariance @ product / noise).tolist()
         if math.hypot(x, y) > FAR_PART * self._grid.radii_px[-1]:
-            return UNKNOWN  # so far off the pixels do not tell it: `card_pivot` does
+            return UNKNOWN  # too far off for this estimate: `card_pivot` finds it
         pivot = replace(UNKNOWN, offset_px=(x, y), covariance_px2=covariance)
         places = places_of(rows * self._grid.step_deg for _, rows in views)
         return pivot.doubted() if places <= MIN_PLACES else pivot
@@ -194,7 +194,7 @@ class CardReader:
         """Convert a turn to what stands under the index."""
         angle_deg = self._index_deg - turn.rows * self._grid.step_deg
         angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
-        # With a card that the flight did not teach, what stands still over it may match as well as the card does.
+        # On a card that was not learned from the flight, fixed parts over it may match as well as the card does.
         least = SCORE_THRESHOLD if self._picture.is_learned else SURE_SCORE
         matches = turn.score >= least and turn.is_alone and not self._is_doubted
         status = Status.READ if matches else Status.MISSING
@@ -318,9 +318,9 @@ def _slow_waves(rows: int) -> Floats:
 def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], given: CardPicture) -> CardPicture:
     """Learn the card from frames (R, C) in the panel picture's light; return it as given if they do not suffice.
 
-    A frame taken for another that looks alike would teach no card, or one printed twice. So frames are turned back by
-    the turns on which all of them agree, and those for which another turn is nearly as likely are left out. The rest
-    must share most of the result, and it must match the panel picture at one place only.
+    If a frame were turned back by a wrong turn that looks alike, the result would be no card, or one printed twice. So
+    frames are turned back by the turns on which all of them agree, and those for which another turn is nearly as likely
+    are left out. The rest must share most of the result, which must match the panel picture at one place only.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
     if len(lit) < FRAMES_TO_LEARN:
@@ -349,8 +349,8 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
 def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None = None) -> CardPicture:
     """Return what frames (P, C), each with its turn in rows, share when turned back; weights drop where they differ.
 
-    What has little weight in `known_weights` (P, C) lies over the card, and is left out: marks that stand still at
-    regular distances coincide when a card has turned by such a distance, and would be taken for its own.
+    Pixels with little weight in `known_weights` (P, C) lie over the card and are left out. Otherwise regular fixed
+    marks, which coincide when the card has turned by their distance, would be taken for its own.
     """
     backs = np.stack([turned(seen, -rows) for seen, rows in views])
     middle = np.median(backs, axis=0)
@@ -367,10 +367,10 @@ def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None =
 
 
 def _stands_still(views: Sequence[tuple[Floats, float]], card: Floats, grid: PolarGrid) -> Mask:
-    """(P, C): what stands still over a card, and was taken for its own since it coincides with itself in most frames.
+    """(P, C): fixed parts over a card that were taken for its own because they coincide in most frames.
 
-    It is the same at every place to which the card has turned, and at some place it is not what the card shows there.
-    How often the card was at each tells nothing.
+    A fixed part looks the same at every turn of the card, and at some turn it differs from what the card shows there.
+    Each turn counts once, however many frames have it.
     """
     places = np.rint(np.array([rows for _, rows in views]) * grid.step_deg / RIVAL_REACH_DEG)
     at = [[view for view, place in zip(views, places, strict=True) if place == own] for own in np.unique(places)]

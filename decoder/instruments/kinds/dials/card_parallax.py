@@ -23,7 +23,7 @@ PASSES = 20
 
 @dataclass(frozen=True, slots=True)
 class CardParallax:
-    """How much further clockwise something over a card appears than it points, where it points right and down."""
+    """By how much further clockwise than it points something over a card appears: if it points right, and down."""
 
     right_deg: float = 0.0
     down_deg: float = 0.0
@@ -35,11 +35,11 @@ class CardParallax:
 
 
 def parallax_of(seen_deg: Floats, on_card_deg: Floats, sigma_deg: float) -> CardParallax:
-    """Estimate the parallax of something that turns with its card, except for the few times somebody sets it.
+    """Estimate the parallax of a bug that turns with its card, except for the few times somebody sets it.
 
     This is a least-squares fit of its movement on the card from one time to the next, robust against settings and
-    regularised by what is usual. It is zero where the bug was set again and again, hardly turned, or is not clearly
-    seen obliquely.
+    regularised by a prior. The result is zero if the bug was set again and again, hardly turned, or shows no clear
+    parallax.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def _in_one_light(pictures: Floats) -> Floats:
 
 
 def _settings(scores: Floats, reach: int) -> list[dict[int, int]]:
-    """Group frames in which the card stands alike, since these would confirm each other's turn, right or wrong.
+    """Group frames with the card at the same turn, since these would confirm each other's turn, right or wrong.
 
     For each group, its frames, and the rows by which the card has turned since its first frame.
     """
@@ -109,7 +109,7 @@ class _Search:
         return max((self._from_start(int(start)) for start in starts), key=self._agreement)
 
     def _from_start(self, start: int) -> Indices:
-        """(S,): rows of settings, each placed against those before it, the clearest first, then against all others."""
+        """(S,): rows of settings, found from one: always the clearest next, against those so far; then each anew."""
         rows, placed = np.zeros(len(self.frames), np.intp), [start]
         total = self._told_by(start, 0)
         while len(placed) < len(rows):
@@ -141,13 +141,13 @@ class _Search:
         return found[1:]
 
     def _against_others(self, rows: Indices) -> Floats:
-        """(S, P): how well each turn of each setting matches all others, where these are."""
+        """(S, P): how well each turn of each setting matches all others at their present rows."""
         told = sum((self._told_by(setting, row) for setting, row in enumerate(rows)), np.zeros(self.scores.shape[1:]))
         scores: Floats = told / (self.frames.sum() - self.frames)[:, None]
         return scores
 
     def _told_by(self, setting: int, row: int) -> Floats:
-        """(S, P): how well each turn of every setting matches the frames of one on a row, summed."""
+        """(S, P): how well each turn of every setting matches one setting on a row, times that one's frames."""
         told: Floats = self.frames[setting] * np.roll(self.scores[setting], row, axis=1)
         return told
 
@@ -190,10 +190,10 @@ class _Views:
         )
 
     def part_of_rivals(self, setting: int, rivals: Sequence[int]) -> float:
-        """Return how far off a picture the card is at its own turn, as a part of how far off at the best of others.
+        """Return the card's distance from a picture at its own turn, as a part of that at the best of `rivals`.
 
-        Regular marks match at many turns, so pixels count by how much the card would differ there. What lies over the
-        card is far off at any turn, so distances count, not their squares.
+        Regular marks match at many turns, so each pixel is weighted by how much the card differs between the two turns.
+        Anything that lies over the card is far off at any turn, so absolute differences count, not their squares.
         """
         seen, known, card = self.seen[setting], self.known[setting], self.cards[setting]
 

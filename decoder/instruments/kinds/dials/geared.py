@@ -1,10 +1,10 @@
-"""Geared hands: the hands of an altimeter or a clock tell one value, so the search is for that value.
+"""Geared hands: the hands of an altimeter or a clock show one value, so the search is for that value.
 
-For each direction in which the finest hand seems to point, each number of its turns is a value the frame may show, and
-the gearing says where the other hands are then. The whole dial is drawn for each such value, and the one that explains
-the frame best is read. A hand that is short, dim, hidden or like another one helps as far as it shows; one that should
-show and does not counts against the value. If another value explains the dial nearly as well, or hands that contradict
-the gearing explain it much better, the value is doubtful.
+Each direction in which the finest hand may point, with each number of its turns, gives a candidate value, and the
+gearing says where the other hands are at that value. The whole dial is drawn for each candidate, and the one that
+explains the frame best is read. A hand that is short, dim, hidden or like another one contributes as much as it shows;
+one that should show and does not counts against the value. If another value explains the dial nearly as well, or hands
+that contradict the gearing explain it much better, the value is doubtful.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ STRAY_COST = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """What geared hands tell in F frames: each hand by itself, (F, K), and their value for each frame."""
+    """Geared hands as read in F frames: each hand by itself, (F, K), and their common value for each frame."""
 
     hands: Found
     values: list[Reading]
@@ -54,7 +54,7 @@ def gearing_of(gauge: Gauge) -> Gearing:
 
 
 def told_together(gauge: Gauge, readings: Mapping[str, Reading]) -> Reading:
-    """Return the value told by hands that were read one by one; missing if they contradict the gearing."""
+    """Return the value of hands that were read one by one; missing if they contradict the gearing."""
     gearing = gearing_of(gauge)
     hands = [readings[name] for name in gearing.names]
     score = min(hand.score for hand in hands)
@@ -110,7 +110,7 @@ class Placed:
 
 
 class GearedReader:
-    """Reads the hands of one gauge, all of which tell one value."""
+    """Reads the hands of one gauge, all of which show one value."""
 
     def __init__(self, needles: Sequence[Needle], gearing: Gearing | None = None) -> None:
         grid, names = needles[0].grid, [needle.name for needle in needles]
@@ -175,7 +175,7 @@ class GearedReader:
         return scores
 
     def _tried(self, scores: Sequence[Floats]) -> Guesses:
-        """Return what the hands' scores, (F, N') each, suggest for F frames: what is geared first, by score."""
+        """Return guesses for F frames from the hands' scores, (F, N') each: first those that are geared, by score."""
         finest, *others = scores
         directions = _refined(finest, _peaks(finest, DIRECTIONS))
         values = self.gearing.values(self._angles_deg(directions))
@@ -319,7 +319,7 @@ class GearedReader:
         found = Found(status, placed.row % self._turn + self._first, sigma_rows, placed.score)
         found = found.instead(is_sure[:, None] & ~shows, self._hidden(values, placed.score))
         is_sure &= self._adds_up(seen, found.row - self._first)
-        # Only the coarsest hand tells its own turns: where it does not show, something must lie over it.
+        # No other hand counts the turns of the coarsest: where it does not show, something must lie over it.
         coarsest = self._order.index(len(self._order) - 1)
         is_sure &= shows[:, -1] | (self._visible(found.row - self._first, coarsest) < HALF)
 

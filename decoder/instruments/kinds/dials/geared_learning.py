@@ -1,8 +1,8 @@
-"""Learning a geared hand that the panel picture hides, from where the other hands put it in a flight.
+"""Learning a geared hand that the panel picture hides, from where the gearing puts it in a flight's frames.
 
-A hand that lies below another one in the panel picture is cut out together with that one, and is found in no other
-frame. But the other hands can be read without it, and the gearing then says where it is: exactly, or, of the coarsest
-hand, at one of a few places a turn of the next finer hand apart, of which it is drawn near one.
+A hand that lies below another one in the panel picture is cut out together with that one, and so is found in no other
+frame. But the other hands can be read without it, and the gearing then says where it is. For the coarsest hand there
+are a few possible places, a turn of the next finer hand apart; the hand is drawn near one of them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 class _SomeHands(GearedReader):
     """Reads all hands of a gauge but one.
 
-    They do not explain the dial without it, so neither what is left over nor what else would explain it counts.
+    Without that hand they cannot explain the dial, so residuals and rival explanations are ignored.
     """
 
     def _likely(self, seen: Floats, guesses: Guesses) -> Guesses:
@@ -57,7 +57,7 @@ class _SomeHands(GearedReader):
 
 
 def learn_hidden_hand(instrument: Instrument, appearance: Appearance, strips: Sequence[UnwrappedGauge]) -> Look | None:
-    """Learn the hand that keeps most frames from telling a value, if there is one.
+    """Learn the hidden hand because of which most frames have no value, if there is one.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def learn_hidden_hand(instrument: Instrument, appearance: Appearance, strips: Se
 
     Returns
     -------
-    The face and the hand's template, if more frames tell a value with them than before and the hand moves with that
-    value; print that is taken for a hand stays where it is. Else None.
+    The face and the hand's template, if with them more frames have a value than before, and the hand moves with that
+    value (print that is taken for a hand does not move). Else None.
     """
     told, best = _Told.by(instrument, appearance, strips).count, None
     drawn_deg = {needle.name: needle.at_deg for needle in instrument.gauge.turning if needle.at_deg is not None}
@@ -84,7 +84,7 @@ def learn_hidden_hand(instrument: Instrument, appearance: Appearance, strips: Se
 
 @dataclass(frozen=True, slots=True)
 class _Told:
-    """What all hands of a gauge tell in F frames."""
+    """The value and the angles of all hands of a gauge in F frames."""
 
     gauge: Gauge
     values: Floats
@@ -105,11 +105,11 @@ class _Told:
 
     @property
     def count(self) -> int:
-        """In how many frames there is a value."""
+        """The number of frames with a value."""
         return int(np.isfinite(self.values).sum())
 
     def goes_along(self, name: str) -> bool:
-        """Whether a hand moves as the value says rather than not at all."""
+        """Whether a hand's motion is better explained by the value than by standing still."""
         gearing = gearing_of(self.gauge)
         hand = gearing.names.index(name)
         frames = self.is_read[:, hand]
@@ -122,7 +122,7 @@ class _Told:
 def _read(
     reader: GearedReader, needles: list[Needle], strips: Sequence[UnwrappedGauge]
 ) -> tuple[list[Reading], list[dict[str, Reading]]]:
-    """Return what some hands tell together, and the hands themselves, by frame."""
+    """Read some of the hands; return their common value, and the hands themselves, by frame."""
     together = reader.read(np.stack(strips))
     return together.values, readings_of(together.hands, needles, np.zeros(together.hands.row.shape))
 
@@ -162,7 +162,7 @@ class _HiddenHand:
         self._gearing = gearing_of(instrument.gauge).without(name)
 
     def learned(self, strips: Sequence[UnwrappedGauge]) -> Iterator[Look]:
-        """Learn it from frames in which all others are read, then these too: one may be cut out with it."""
+        """Learn it from frames in which all others are read; alone, and with these, as one may be cut out with it."""
         views = self._views(strips)
         if views is None:
             return
@@ -218,11 +218,11 @@ class _HiddenHand:
         return at_deg
 
     def _choices(self, views: _Views) -> Iterator[Floats]:
-        """Choose one of each frame's places, (N,), in up to two ways.
+        """Choose one of each frame's possible places, (N,), in up to two ways.
 
-        It is where the others put it; the coarsest, if it moves slowly, is near where it is drawn. But a coarser hand
-        that is drawn carelessly puts it elsewhere, and the coarsest may move far: then it is where all frames show the
-        same over the face. A slow one would be part of that face.
+        First, the place where the other hands put it or, for the coarsest hand, the one nearest to where it is drawn.
+        That fails if a coarser hand is drawn carelessly, or the coarsest moves far. So the second choice is the places
+        at which all frames show the same over the face; a slow hand would not show there, as part of that face.
         """
         frames = len(views.at_deg)
         told = np.zeros(frames, np.intp)
@@ -244,7 +244,7 @@ class _HiddenHand:
         size = np.linalg.norm(over, axis=1)
         over /= np.maximum(size, np.finfo(over.dtype).tiny)[:, None]
         like = (over @ over.T).reshape(frames, places, frames, places)
-        # a window beside the hand shows part of it in all frames, too: less of it
+        # a window beside the hand also shows part of it in all frames, but a smaller part
         shown = size.reshape(frames, places) * like.max(axis=3).sum(axis=2)
         seed = np.unravel_index(shown.argmax(), shown.shape)
         like_seed = like[seed].argmax(axis=1)

@@ -1,4 +1,4 @@
-"""Dials with needles: read one by one or in pairs, as geared hands that tell one value, or as a stack."""
+"""Dials with needles: read one by one or in pairs, as geared hands that show one value, or as a stack."""
 
 from __future__ import annotations
 
@@ -135,9 +135,9 @@ class _Hands:
 
 
 def _hand_alone(drawn: DrawnInstrument, look: Look, needle: DescribedNeedle) -> NeedleTemplate:
-    """Return a hand's template without what else lies on its axis in its picture.
+    """Return a hand's template without anything else that lies on its axis in its picture.
 
-    Numerals lie beyond its tip. A hub, or another hand, lies before it if it shows only near the rim.
+    That is numerals beyond its tip; and if the hand shows only near the rim, a hub or another hand further in.
     """
     template = look.templates[needle.name]
     is_filled = (template.transparency < HALF).all(axis=0)
@@ -157,7 +157,7 @@ def _hand_alone(drawn: DrawnInstrument, look: Look, needle: DescribedNeedle) -> 
 
 
 def _others_reach(drawn: DrawnInstrument, needle: DescribedNeedle) -> Mask:
-    """(C,): where the panel picture shows no gap between a needle's axis and another's, so that both may be that."""
+    """(C,): where the panel picture shows no gap between the axes of a needle and another, so it may show either."""
     strip, reach = drawn.strip, np.zeros(drawn.grid.columns, bool)
     if needle.template.at is None or needle.template.picture is not None:
         return reach
@@ -172,12 +172,12 @@ def _others_reach(drawn: DrawnInstrument, needle: DescribedNeedle) -> Mask:
 
 
 class GearedKind(NeedleKind):
-    """Hands that tell one value, such as those of an altimeter or a clock."""
+    """Hands that show one value, such as those of an altimeter or a clock."""
 
     is_searched = False
 
     def first_look(self, drawn: DrawnInstrument) -> Look:
-        """Cut its hands from where each begins to its tip, since what a flight teaches of one may have gaps."""
+        """Cut each hand from where it begins to its tip only: the columns learned later from a flight may have gaps."""
         look = needles_in_picture(drawn)
         return replace(look, templates={each.name: _hand_alone(drawn, look, each) for each in drawn.gauge.needles})
 

@@ -87,7 +87,7 @@ class NeedleReader:
         self._evenly_lit_score = evenly_lit_score
         is_plain = method is Method.XCORR
         self._pairs = [] if is_plain else _pairs_of(needles)
-        # The first is not searched for where the second matches better nearby.
+        # Pairs of needles: the first is not searched for where the second matches better nearby.
         self._rivals = [
             (one, other)
             for one, other in permutations(range(len(needles)), 2)
@@ -146,7 +146,7 @@ class NeedleReader:
         nearby = {}
         for one, other in self._rivals:
             steps = round(APART_DEG / self._needles[one].grid.step_deg) // COARSE_STEP
-            # Between searched rows, a narrower reach makes sure that nothing of the needle itself is left out.
+            # A peak may lie between searched rows: with a narrower reach, the needle itself is not left out.
             is_peak[:, one] &= scores[:, one] >= _nearby_best(scores[:, other], steps - 1)
             nearby[one] = scores[:, one] >= _nearby_best(scores[:, other], steps)
         top, place = peaks_of(curve, is_peak)
@@ -207,7 +207,7 @@ class NeedleReader:
             found.status[at[0][is_as_good], at[1][is_as_good]] = MISSING
 
     def _look_through_light(self, frames: Sequence[Samples], found: Found) -> None:
-        """Fit needles that stand alone and match less well than they should again, with the light over them."""
+        """Fit again, together with uneven light, needles that stand alone but match less well than they should."""
         doubtful = self._is_alone & np.isfinite(found.row) & ~(found.score >= self._evenly_lit_score)
         doubtful &= (found.status == READ) | ~(found.score >= SCORE_THRESHOLD)
         for windows in self._windows:
@@ -256,14 +256,14 @@ class NeedleReader:
                 self._sampler.strips([frames[number] for number in rest.tolist()], gauge_index)
             )
             one, other = (both.part((slice(None), column)) for column in (0, 1))
-            # Where the lower needle matches better, the upper one is not there.
+            # If the lower needle matches better than the upper, the upper is not in that place.
             alone = ~is_above[rest] & (below.status[rest] == READ) & (below.score[rest] > one.score)
             alone &= ~(one.score >= LIKELY_SCORE)
             found.put((rest, upper), one.instead(alone, one.as_missing()))
             found.put((rest, lower), other.instead(alone, below.part(rest)))
 
     def _tell_apart(self, frames: Sequence[Samples], pair: int, peaks: Peaks, found: Found) -> None:
-        """Resolve two needles that each match where the other is; one found alone may be either."""
+        """Tell two needles apart that each match where the other is; one found alone may be either of them."""
         stack, both = self._stacks[pair], np.array(self._pairs[pair])
         seen = np.isin(found.status[:, both], (READ, EDGE))
         is_missing, is_hidden = (np.isin(found.status[:, both[::-1]], (status,)) for status in (MISSING, HIDDEN))
@@ -323,7 +323,7 @@ class _Windows:
     def settle_lit(
         self, frames: Sequence[Samples], frame: Indices, needle: Indices, places: Floats
     ) -> tuple[Settled, Floats]:
-        """Do so under uneven light; also return what part of each needle's contrast is not saturated."""
+        """Do as `settle` under uneven light; also return what part of each needle's contrast is not saturated."""
         index = self._index[needle]
         visible, pixels = np.zeros(len(frame)), np.zeros(len(frame))
 

@@ -104,13 +104,13 @@ class OverCardPicture:
     over
         (P, C): where something fixed lies over the card, in one turn of the dial.
     best_status
-        Of needles that no frame clearly distinguishes from the marks behind them in the panel picture: EDGE, with a
-        sigma of the whole turn, for those that never moved; MISSING for those that did.
+        For needles that no frame clearly distinguishes from the marks behind them in the panel picture, the best status
+        that they can have: EDGE, with a sigma of the whole turn, if they never moved; MISSING if they did.
     parallaxes
         By needle, if learned from a flight.
     is_card_alone
-        Whether a card that turned was matched badly in a flight, and none of its needles was found over it: then what
-        turned is as likely one of them.
+        Whether a card that turned in a flight matched badly, and none of its needles was found over it: then whatever
+        turned may just as well be a needle.
     """
 
     card: CardPicture
@@ -191,7 +191,7 @@ class _Dial:
         return self.whole(np.asarray(around[self.rows : 2 * self.rows], np.float32))
 
     def in_light(self, wanted: Floats, seen: Floats, what: Floats | None = None) -> Floats:
-        """Bring a gauge (R, C + tail), or `what` was taken in its light, into another's light, as the card shows it."""
+        """Bring a gauge (R, C + tail), or `what` in the same light, into the light of another, as the card shows it."""
         known, own = (self.card_part(self.part(each)) for each in (wanted, seen))
         is_like = np.ones(own.shape, bool)
         for _ in range(LIGHT_PASSES):
@@ -242,11 +242,11 @@ class _Seen:
     turn
         The card's, without what needles hide.
     back_rows, back
-        By how much the gauge was turned back to find needles, and the result, (R, C).
+        By how much the gauge was turned back before needles were found, and the gauge turned back, (R, C).
     found
         By needle, in the card's frame.
     likely
-        The same, but with the more likely end of a needle as its tip where that is not clear.
+        The same; but if it is not clear which end of a needle is its tip, with the more likely one.
     """
 
     turn: Turn
@@ -318,7 +318,7 @@ class OverCardReader:
         ]
         told = zip(parts, first, backs, found, strict=True)
         return [
-            # Whichever way round a needle points, it hides the card along the same line.
+            # A needle hides the card along the same line whichever way it points.
             _Seen(self._turn_without(part, turn, own), turn.rows, back, *self._pointed(back, turn.rows, own))
             for part, turn, back, own in told
         ]
@@ -326,7 +326,7 @@ class OverCardReader:
     def _pointed(
         self, back: UnwrappedGauge, turned_rows: float, found: Mapping[str, Reading]
     ) -> tuple[dict[str, Reading], dict[str, Reading]]:
-        """Point needles to where their tips are: missing where that is not clear, and as is more likely."""
+        """Turn needles to where their tips are, in two versions: missing if that is unclear, and as is more likely."""
         clear, likely = dict(found), dict(found)
         if self._dial.grid.tail_columns:
             for name, reading in found.items():
@@ -336,7 +336,7 @@ class OverCardReader:
     def _towards_tip(
         self, back: UnwrappedGauge, turned_rows: float, name: str, reading: Reading
     ) -> tuple[Reading, Reading]:
-        """Do so for one needle, which may be missing because it resembles its own reverse."""
+        """Do as `_pointed` for one needle, which may be missing because it resembles its own reverse."""
         is_found = reading.status is not Status.MISSING
         if not is_found and (reading.score < SCORE_THRESHOLD or not self._lies_alone(back, name, reading)):
             return reading, reading
@@ -345,7 +345,7 @@ class OverCardReader:
         towards = self._dial.facing(view, self._picture.templates[name], reading.angle_deg, beside_deg)
         if is_found and towards.ahead >= 0.0:
             likely = clear = reading
-        else:  # fitted as its reverse, or about as well
+        else:  # the reverse matches, or about as well as the needle
             at_deg = reading.angle_deg if towards.ahead >= 0.0 else self._dial.opposite_deg(reading.angle_deg)
             sigma_deg = math.hypot(reading.sigma_deg, (1 + abs(towards.beside_rows)) * self._dial.grid.step_deg)
             likely = replace(reading, status=Status.READ if is_found else Status.EDGE, angle_deg=at_deg)
@@ -364,7 +364,7 @@ class OverCardReader:
         return CLEARLY_WORSE * (1.0 - reading.score**2) < 1.0 - rival**2
 
     def _as_shown(self, name: str, reading: Reading, turned_rows: float) -> Reading:
-        """Increase a needle's sigma by the part of its width that is hidden by what stands still over the card."""
+        """Increase a needle's sigma by the part of its width that fixed parts over the card hide."""
         over, template = self._picture.over, self._picture.templates[name]
         if reading.status is Status.MISSING or not over.any():
             return reading
@@ -411,7 +411,7 @@ class OverCardReader:
             status, best = own.status, self._picture.best_status.get(needle.name, Status.READ)
             if status is Status.READ or best is Status.MISSING:
                 status = best
-            # What matches may be a mark, and the needle anywhere.
+            # The match may be a mark, and the needle may be anywhere.
             doubt_deg = 0.0 if best is Status.READ else ANYWHERE * FULL_CIRCLE_DEG
             at_deg = seen.at_deg(needle.name, step_deg)
             at_deg -= self._picture.parallaxes.get(needle.name, NO_PARALLAX).at(at_deg)
@@ -438,7 +438,7 @@ class OverCardReader:
 def learn_over_card(dial: _Dial, strips: Sequence[UnwrappedGauge], given: OverCardPicture) -> OverCardPicture:
     """Learn card, face and needles from frames (R, C) in the panel picture's light, as far as possible.
 
-    A card that hardly turned is only known together with what stands still over it, but without needles.
+    A card that hardly turned cannot be separated from the fixed parts over it, but the needles can be.
     """
     parts = [dial.part(strip) for strip in strips]
     card = learn_card(dial.gauge, dial.card_grid, [dial.card_part(part) for part in parts], given.card)
@@ -477,7 +477,7 @@ def _is_card_alone(dial: _Dial, frames: Sequence[_Seen]) -> bool:
 def _either_way(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> Iterator[str]:
     """List learned needles that may point either way: in the panel picture, or in most frames in which they are found.
 
-    Frames tell each other which end is the tip; which of both ways is right, the panel picture tells.
+    Frames agree among themselves on which end is the tip; only the panel picture shows which of the two it is.
     """
     for needle in dial.gauge.turning:
         if needle.at_deg is not None and dial.grid.tail_columns:
@@ -489,10 +489,10 @@ def _either_way(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) ->
 
 
 def _unmoved(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> Iterator[str]:
-    """List needles found on a card that turned only where they are in the panel picture, but for stray matches.
+    """List needles that, apart from stray matches, never moved over a card that turned: each may be a mark.
 
-    A mark of the card would be found there, too. As long as it is unknown what stands still over the card, a mark there
-    would be found at one place on the dial.
+    Such a needle is always found where it is in the panel picture, as a mark of the card would be. While the fixed
+    parts over the card are unknown, it may also be a mark on them, which is always found at one place on the dial.
     """
     if arc_deg([seen.turn.rows for seen in frames], dial.grid) <= APART_DEG:
         return
@@ -508,7 +508,7 @@ def _unmoved(dial: _Dial, known: OverCardPicture, frames: Sequence[_Seen]) -> It
 
 
 def _all_near(angles_deg: Floats, at_deg: float) -> bool:
-    """Whether angles are all near one, but for stray ones; a few that are all elsewhere are not."""
+    """Whether all angles but a few stray ones are near one, and at least one is."""
     is_near = np.abs(shortest(angles_deg - at_deg, FULL_CIRCLE_DEG)) <= APART_DEG
     return bool(is_near.any()) and int((~is_near).sum()) < MIN_VIEWS
 
@@ -532,7 +532,7 @@ def _without_overlays(dial: _Dial, known: OverCardPicture, parts: Sequence[Unwra
         return known
     reader = CardReader(dial.gauge, dial.card_grid, known.card)
     all_ = shared([(part, reader.turn(dial.card_part(part)).rows) for part in parts])
-    # Frames turned back inexactly, or seen askew, differ at all marks at this radius.
+    # Frames that were turned back inexactly, or seen askew, differ at all marks at this radius.
     usual = np.median(all_.weights, axis=0) / OUTLIER_SPREADS**2
     clearly = np.asarray(all_.weights < np.minimum(usual, MIN_CONTRAST_PART), np.uint8)
     over = cv2.dilate(clearly, np.ones((3, 3), np.uint8)) > 0  # its rim is blurred by a pixel
@@ -563,8 +563,8 @@ def _bared(
 ) -> tuple[OverCardPicture, list[dict[str, Reading]]]:
     """Correct the card behind the panel picture's needles, from the frames that differ most from the picture there.
 
-    A dim needle is cut together with brighter marks behind it, which would match themselves in every frame. Where
-    something fixed lies over a card that was turned back by `turns_rows`, its frame shows neither.
+    A dim needle is cut together with brighter marks behind it, which would match themselves in every frame. Frames were
+    turned back by `turns_rows`; where something fixed lay over the card, a frame shows neither card nor needle.
     """
     usual = np.median(backs, axis=0).astype(np.float32)
     picture_px, frames_px = _blurs_px(dial, given.drawn, usual)
@@ -609,9 +609,9 @@ def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tupl
 
 
 def _found_apart(dial: _Dial, known: OverCardPicture, view: View) -> dict[str, Reading]:
-    """Find needles distinguished from marks: where a gauge differs from the bare card as the panel picture does.
+    """Find needles rather than marks: where a gauge differs from the bare card as the panel picture does.
 
-    One picture does not show how a needle looks over other marks, only where it changes the card.
+    One picture does not show how a needle looks over other marks, only how it changes the card behind it.
     """
     grid, found = dial.grid, {}
     left = np.abs(view.seen - known.face)
@@ -624,7 +624,7 @@ def _found_apart(dial: _Dial, known: OverCardPicture, view: View) -> dict[str, R
         scores = normxcorr(left, there, np.ones_like(there))[: dial.rows]
         best = int(scores.argmax())
         rivals = np.roll(scores, -best)
-        if grid.tail_columns:  # which end is the tip is told below
+        if grid.tail_columns:  # which end is the tip is decided below
             rivals[(dial.rows - cut.rows) // 2 : (dial.rows + cut.rows) // 2] = 0.0
         rival = rivals[cut.rows : -cut.rows].max(initial=0.0)
         is_sure = scores[best] >= LIKELY_SCORE and CLEARLY_WORSE * rival**2 < scores[best] ** 2
@@ -651,7 +651,7 @@ class _OverCards:
 
 
 def _name(gauge: Gauge) -> str:
-    """Return the name under which its learned picture is kept: its card's."""
+    """Return the name under which a gauge's learned picture is kept: its card's."""
     return gauge.quantities[0].name
 
 

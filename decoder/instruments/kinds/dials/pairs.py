@@ -45,7 +45,7 @@ class TouchingPair:
         return top_rows
 
     def is_beside(self, rows: Indices, scores: Floats, allowed: Mask, above_rows: Floats) -> Mask:
-        """(M,): where the lower needle matches nowhere further away.
+        """(M,): whether the lower needle is near the upper one, since it matches nowhere further away.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class TouchingPair:
         every = np.arange(len(above.row))
         upper, lower = above.part(every), above.part(every)
         is_settled = np.ones(len(every), bool)
-        # Near enough to coincide, since least squares do not move it by more than this.
+        # Least squares may move it by `MAX_PEAK_ROWS`; if that keeps it within reach, the two may coincide.
         apart_rows = np.abs(candidate.place - above.row)
         together = ~candidate.is_there | (apart_rows + MAX_PEAK_ROWS <= self._fitter.reach_rows)
         open_ = np.flatnonzero(~together)

@@ -1,10 +1,10 @@
 """Stacks: several needles on one dial, each read given all the others, in many frames at once.
 
-Altimeters and clocks have such needles; a pair is read so too if its needles cannot be read one after the other. Each
-needle is searched for with the needles below it drawn on the face, and without the pixels of those above it. As better
-places of one improve those of the others, this is repeated a few times, from the uppermost needle down. A needle that
-took another's place on the way keeps it, since the other then fits nowhere else: where a needle is left over, each is
-put in each other's place, and what draws the dial clearly better is kept.
+Altimeters and clocks have such needles; so is a pair whose needles cannot be read one after the other. Each needle is
+searched for with the needles below it drawn on the face, and without the pixels of those above it. As better places of
+one improve those of the others, this is repeated a few times, from the uppermost needle down. A needle that takes
+another's place on the way would keep it, since the other then fits nowhere else. So if a needle is left over, each is
+tried in each other's place, and a change is kept if the dial drawn with it fits clearly better.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ SEEN = READ, EDGE
 class _Places:
     """Where one needle seems to be in F frames, its certainty, and the visible part of its contrast; (F,) each.
 
-    `rival` is its next best score; `under` the index of the needle that could hide it completely, if there is only one
-    such place, else -1; and `reach_rows` how far from that place it would still be hidden.
+    `rival` is its next best score. `under` is the index of the needle that could hide it completely, or -1 if there are
+    none or several such places; `reach_rows` is how far from that needle it would still be hidden.
     """
 
     row: Floats
@@ -83,7 +83,7 @@ class StackReader:
         self._axes = [needle.axis for needle in needles]
         self._half_widths_rows = [needle.half_width_rows for needle in needles]
         self._pairs = list(combinations(range(len(needles)), 2))
-        # Of such similar shape that each may match where the other is; of more than two, all are reconsidered anyway.
+        # Pairs so similar that each may match where the other is. More than two needles are all reconsidered anyway.
         least = LIKELY_SCORE if len(self._pairs) == 1 else SCORE_THRESHOLD
         likeness = [_likeness(*(self._templates[own] for own in both)) for both in self._pairs]
         self._alike = [both for both, like in zip(self._pairs, likeness, strict=True) if like >= least]
@@ -100,7 +100,7 @@ class StackReader:
             for index in self._order:
                 places[index] = self._placed(strips, index, places)
         doubtful = np.zeros((len(strips), len(self._templates)), bool)
-        if len(self._pairs) > 1 or self._alike:  # of two that differ, where each matches was looked at before
+        if len(self._pairs) > 1 or self._alike:  # two that differ were looked at before wherever they match
             places, doubtful = self._reconsidered(strips, places)
         drawn = self._drawn(strips, self._order[::-1], places)
         found = Found.missing((len(strips), len(self._templates)))
@@ -134,10 +134,11 @@ class StackReader:
     def _tell_apart(
         self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, before: Indices
     ) -> None:
-        """Exchange two needles if that explains clearly more; if neither order does, none is read.
+        """Exchange two needles if that explains the dial clearly better; if neither order does, read neither.
 
-        Each alone matches in any light; only together do they show which is brighter. If two touch, each is off by no
-        more than their distance. `before` (F, K) are the statuses before any were told apart.
+        A single needle matches in any light; only both together show which is the brighter. If the order is unclear but
+        they touch, both are read, with their distance added to sigma. `before` (F, K) are the statuses before any pair
+        was told apart.
         """
         one, other = both
         self._doubt_lone(strips, both, places, found, before)
@@ -180,10 +181,10 @@ class StackReader:
     def _doubt_lone(
         self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, before: Indices
     ) -> None:
-        """Mark two needles as missing of which one is found alone, and may be the other.
+        """Mark both needles as missing where only one is found, and that one may be the other.
 
-        So it may if the other one there explains about as much, or clearly more if it is hidden; or, of two alike, if
-        as much as the other one adds to a dial is left unexplained anywhere on it.
+        It may be the other if the other explains the dial there about as well; or clearly better, if it is thought to
+        be hidden. If two look alike, it may also be the other if the dial has a residual as large as the other needle.
         """
         for own, other in (both, both[::-1]):
             lone = np.flatnonzero(np.isin(before[:, own], SEEN) & ~np.isin(before[:, other], SEEN))
@@ -207,15 +208,15 @@ class StackReader:
             found.status[lone[doubtful][:, None], both] = MISSING
 
     def _left_on(self, strips: Floats, rows: Mask, places: dict[int, _Places]) -> Floats:
-        """(F,): the part of what some rows (F, R) of the dial show that the needles there leave unexplained."""
+        """(F,): the part of the variance on some rows (F, R) of the dial that the needles leave unexplained."""
         drawn = self._drawn(strips, self._order[::-1], places)
         pictures = zip(drawn, strips, rows, strict=True)
         return np.array([1.0 - max(_correlation(one[own], other[own]), 0.0) ** 2 for one, other, own in pictures])
 
     def _reconsidered(self, strips: Floats, places: dict[int, _Places]) -> tuple[dict[int, _Places], Mask]:
-        """Put needles in each other's places where one is left over and that explains the dial clearly better.
+        """If a needle is left over, put needles in each other's places where that explains the dial clearly better.
 
-        Also return (F, K) which needles' places are in doubt, since other ones explain the dial about as well.
+        Also return (F, K) which needles' places are in doubt because others explain the dial about as well.
         """
         doubtful = np.zeros((len(strips), len(self._templates)), bool)
         fits = [each.is_sure & (each.score >= SURE_SCORE) & (each.visible >= HALF) for each in places.values()]
@@ -240,7 +241,7 @@ class StackReader:
     def _moved(
         self, strips: Floats, places: dict[int, _Places], mover: int, owner: int | None = None
     ) -> dict[int, _Places]:
-        """Put one needle where it matches best elsewhere; or in another's place, and search for a new one for that."""
+        """Move one needle to its best match elsewhere; or to the place of an `owner`, and search a new one for that."""
         if owner is None:
             return {**places, mover: self._placed(strips, mover, places, beyond=places[mover].row)}
         there = replace(places[mover], row=places[owner].row, score=np.ones(len(strips)))
@@ -250,7 +251,7 @@ class StackReader:
         return moved
 
     def _times_worse(self, strips: Floats, best: dict[int, _Places], other: dict[int, _Places]) -> Floats:
-        """(F,): how much more other places leave unexplained of the dial than the best ones, where they differ."""
+        """(F,): the residual of `other` places relative to that of the best ones, where the two drawings differ."""
         drawn = np.stack([self._drawn(strips, self._order[::-1], each) for each in (best, other)], axis=1)
         return self._comparison.times_worse(strips, drawn)[:, 0]
 
@@ -263,7 +264,7 @@ class StackReader:
         near: Floats | None = None,
         beyond: Floats | None = None,
     ) -> _Places:
-        """Find the best places for one needle, given the others'; only near rows (F,) or away from such, if given."""
+        """Find the best places for one needle, given the others'; only `near` rows (F,), or only `beyond`, if given."""
         others = {other: place for other, place in places.items() if other != index}
         behind = self._drawn(
             strips, [o for o in reversed(self._order) if o in others and o not in self._above[index]], others
@@ -299,7 +300,7 @@ class StackReader:
 
         start, top_score = rows[best].astype(np.float64), scores[every, best]
         found = settle(fit, start, (axis, strips.shape[1] - axis - 1), half_width)
-        # A sliver beside another needle matches nearly any: it is no rival of a place where more is visible.
+        # A sliver beside another needle matches nearly anything: it is no rival of a place where more is visible.
         as_visible = np.where(visible >= np.minimum(visible[every, best], HALF)[:, None], scores, 0.0)
         rival = self._elsewhere(rows, as_visible, start, half_width + MAX_PEAK_ROWS)
         return _Places(
@@ -325,7 +326,7 @@ class StackReader:
     def _hiding_places(
         self, rows: Indices, visible: Floats, index: int, others: dict[int, _Places]
     ) -> tuple[Indices, Floats]:
-        """Return which needle above can hide this one completely, and how far from its axis this one's can then be."""
+        """Return which needle above can hide this one completely, and how far apart their axes can be then."""
         under, reach_rows = np.full(len(visible), -1), np.zeros(len(visible))
         first = np.zeros(len(visible))
         shows = np.where(self._allowed[rows] & (visible >= MIN_VISIBLE), rows, np.inf)
@@ -447,10 +448,10 @@ def covers_axis(template: NeedleTemplate) -> Mask:
 
 
 def needle_columns(tail_columns: int, covered: Mask, own: Mask) -> Mask:
-    """(C,): which columns may be a needle's, given where something covers its axis, and where that is its `own`.
+    """(C,): which columns may be a needle's, given where its axis is `covered`, and where certainly by its `own` body.
 
-    From the centre outwards, they begin after the last gap before the first columns that are its own, and end at the
-    next gap. A tail begins at the centre.
+    From the centre outwards, its columns begin after the last gap before the first own ones, and end at the next gap. A
+    tail begins at the centre.
     """
     front, tail = covered[tail_columns:], covered[:tail_columns][::-1]
     return np.concatenate([_between_gaps(tail, tail)[::-1], _between_gaps(front, own[tail_columns:])])

@@ -1,10 +1,11 @@
-"""Which end of a needle over a card is its tip, if it turns about another point than the card.
+"""Tip or tail: which way a needle over a card points, if an oblique view makes it turn about another point.
 
-A needle stands above its card, so a camera that looks from aside sees it turn about another point. Around the card's
-pivot it then appears bent: its tip lies to one side of the line through the centre, its tail to the other, both the
-further the nearer they are to the centre. Half a turn on, the sides are swapped. Compared as one picture, a needle may
-therefore resemble its reverse more than itself. So it is drawn both ways round, bent by various amounts, and the best
-of each are compared where they differ. Elsewhere both fit alike, and what fits badly there says nothing.
+A needle stands above its card, so a camera that looks from the side sees it turn about another point than the card.
+Around the card's pivot it then appears bent: its tip lies to one side of the line through the centre, its tail to the
+other, both the further the nearer they are to the centre. Half a turn on, the sides are swapped. Compared as one
+picture, a needle may therefore resemble its reverse more than itself. So it is drawn in both directions, bent by
+various amounts, and the best drawings of each direction are compared where they differ. Elsewhere both fit equally well
+or badly, which says nothing about the direction.
 """
 
 from __future__ import annotations
@@ -25,22 +26,22 @@ from decoder.registration.thresholds import CERTAIN_SIGMAS
 
 # How far aside a needle may pass, in radii: twice its own height seen from 45 degrees, as the template is bent too.
 ASIDE = np.linspace(-0.08, 0.08, 17)
-# How far its angle may be off: where it is found, and where it resembles its reverse, being bent otherwise.
+# How far its angle may be off: where it is found, and where its reverse, which is bent the other way, is found.
 FOUND_DEG, BENT_DEG = 1.0, 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class Facing:
-    """Which way a needle points that was found along a line.
+    """Which way a needle points, given the line along which it was found.
 
     Attributes
     ----------
     ahead
-        From -1, where a dial looks exactly as if it pointed the other way, to 1.
+        From -1, if the dial looks exactly as if the needle pointed the other way, to 1.
     sigma
         The standard deviation of that.
     beside_rows
-        How far beside that line it lies if it is drawn as bent as it is seen.
+        How far beside that line the needle lies once it is drawn with its apparent bend.
     """
 
     ahead: float
@@ -49,7 +50,7 @@ class Facing:
 
     @property
     def is_clear(self) -> bool:
-        """Whether one way is certainly, and more than three times, closer to what is seen than the other."""
+        """Whether one direction fits certainly, and more than three times, better than the other."""
         return abs(self.ahead) > max(HALF, CERTAIN_SIGMAS * self.sigma)
 
 

@@ -1,8 +1,8 @@
 """The cells of a display: which digit each shows, by comparing it with what every digit looks like there.
 
-A cell is compared with all digits at once, each at small offsets too: frames are aligned to fractions of a pixel only,
-and some fonts draw a digit off the middle of its cell. The best digit is right if no other segment shows in the
-residual, and none of its own is missing.
+A cell is compared with all digits at once, each also at small offsets, because frames are aligned to fractions of a
+pixel only, and some fonts draw a digit off the middle of its cell. The best digit is right if no other segment shows in
+the residual, and none of its own is missing.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Seen:
     gains
         (F, N): its brightness, in grey levels.
     contents, lefts
-        (F, N): how bright the faintest digit would have to be to account for everything in the cell, and for what the
-        best digit leaves.
+        (F, N): how bright the faintest digit would have to be to account for everything in the cell, and for the
+        residual of the best digit.
     worse
         (F, N): the ratio of what the second best digit leaves unexplained to what the best does.
     strays
@@ -76,7 +76,7 @@ class Cells:
     lengths
         (N, H * S): the norms of the digits without light.
     shared, besides
-        (N, H * S, 7): how much of each digit there is in a segment, and the square of the rest of the segment.
+        (N, H * S, 7): the projection of each segment on a digit, and the square of the rest of the segment.
     alike
         (S,): the digit that each way draws.
     dots
@@ -108,7 +108,7 @@ class Cells:
         x, y, middles = (part.ravel() for part in own.places((ground.shape[0], ground.shape[1])))
         shape, still = own.shape, ground.ravel()
         wide, high = (shape.width + shape.upright) / 2 + BESIDE, (shape.height + shape.across) / 2 + BESIDE
-        wide = max(wide, shape.pitch / 2)  # so that what lies between cells makes none of them dark
+        wide = max(wide, shape.pitch / 2)  # so that print between cells makes none of them seem dark
         inside = [np.flatnonzero((np.abs(x - middle) <= wide) & (np.abs(y) <= high)) for middle in middles]
         count = max(map(len, inside), default=0)
         which = np.array([[name in way for name in NAMES] for _, way in drawings], float)

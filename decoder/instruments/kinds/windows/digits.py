@@ -1,7 +1,7 @@
 """Digits: the value that a seven-segment display shows, read cell by cell.
 
 A reading is certain or missing: each cell must match one digit clearly better than any other, and no segment may be
-half lit. Where a segment is broken, digits that others may turn into without it are not read.
+half lit. If a segment is broken, a digit that may be another one without that segment is not read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ UNREAD = Reading(Status.MISSING, np.nan, np.inf, 0.0)
 
 
 class DigitsReader:
-    """Reads one display; `display` is None where the panel picture does not show it."""
+    """Reads one display; `display` is None if the panel picture does not show it."""
 
     def __init__(self, digits: Digits, display: Display | None) -> None:
         self._digits, self._display = digits, display

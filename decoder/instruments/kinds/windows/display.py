@@ -1,4 +1,4 @@
-"""Displays: what a row of cells shows, and how its look is learned from a flight."""
+"""Displays: how a row of cells is read, and how its look is learned from a flight."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class Display:
         return points
 
     def _as_described(self, points: Floats) -> Mask:
-        """(F,): whether no decimal point went out, or came up between cells with no sign between them."""
+        """(F,): whether every described decimal point is lit, and none between cells that have no separator."""
         described = np.isin(np.arange(points.shape[1]), self.segments.points)
         # A point is small, and its brightness in a single picture known to a half of it.
         out = described & (self._points >= MIN_LIGHT_GAIN) & (points < HALF * HALF * self._points)
@@ -133,7 +133,7 @@ class Display:
         return ~other
 
     def taught(self, strips: Floats) -> Display:
-        """Learn from a sample's frames (F, R, C) what the digits look like, and which segments never light."""
+        """Learn from a sample's frames (F, R, C) what the digits look like, and which segments are broken."""
         if len(strips) < FRAMES_TO_LEARN:
             return self
         own = self._fitted(strips)
@@ -159,7 +159,7 @@ class Display:
         return self if (better.mistaken & ~self.mistaken).any() else better
 
     def _forms(self, ways: Indices) -> dict[str, str]:
-        """Return the segments of each digit seen, as most are drawn: a display has one form of each."""
+        """Return the segments of each digit in its most frequent form: a display has one form of each."""
         return dict(self._drawings[way] for way, _ in reversed(Counter(ways.tolist()).most_common()))
 
     @property
@@ -170,7 +170,7 @@ class Display:
         return wrong
 
     def _shown(self, cells: Seen) -> Indices:
-        """(F, N): what is likely shown; the whole row is blank if any cell shows neither a digit nor nothing."""
+        """(F, N): what is likely shown; the whole row is blank if some cell is neither a digit nor empty."""
         likely, _ = self._usual(cells)
         nothing = self._nothing(cells, likely, cells.gains.max(axis=1, keepdims=True)) & self.may_be_blank
         likely &= np.abs(cells.strays).max(axis=2) <= HALF_LIT
@@ -178,7 +178,7 @@ class Display:
         return np.where(likely & whole, cells.symbols, BLANK)
 
     def _nothing(self, cells: Seen, likely: Mask, usual: Floats) -> Mask:
-        """(F, N): whether a cell contains less than half of a usual digit, beyond what digits leave unexplained."""
+        """(F, N): whether a cell contains less than half of a usual digit in excess of the residuals of digits."""
         noise = np.where(likely, cells.lefts, 0.0).max(axis=1, keepdims=True)
         beyond = np.sqrt(np.maximum(cells.contents**2 - noise**2, 0.0))
         nothing: Mask = beyond < HALF * usual
@@ -236,7 +236,7 @@ class Row:
 def in_picture(strip: Floats, row: Row, margin: int) -> Display | None:
     """Find a display in a picture of it (R, C), with a margin; None if its digits are not visible.
 
-    Where a cell shows another digit than it should, some of its segments do not light.
+    If a cell seems to show another digit than the known one, its segments are marked as broken.
     """
     fit, drawings = found(strip, row.symbols, row.cells, row.points, margin)
     if fit.left > 1 - LIKELY_SCORE**2:

@@ -2,8 +2,8 @@
 
 A window brightens when its lamp is lit, but also when the sun moves around. The surroundings of the window tell the two
 apart: they give the strength and the gradient of the light on the panel, and whatever the window shows beyond the panel
-picture in that light is the lamp's own. A sample of the flight teaches which of its pixels tell most; those of a
-reflecting bezel, for example, tell little.
+picture in that light is the lamp's own. A sample of the flight shows which of its pixels are most informative; those of
+a reflecting bezel, for example, are not.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ WHITE = 255.0
 PERCENT = 100.0
 # Passes of the fit of the light around a window; pixels that do not fit count less each time.
 PASSES = 3
-# Where flat surroundings cannot tell gain from haze, assume gain: this part of them says that there is no haze.
+# Flat surroundings cannot tell gain from haze. The weight of the prior that there is no haze, as a part of theirs.
 HAZE_PRIOR = 0.1
 # The part of a window's margin, next to the window, on which the lamp's own light may fall by blur and bloom, and how
 # much of it at most there, and further away.
 SPILT_ON_PART, SPILT_PART, SPILT_LIGHT = 0.5, 0.5, 0.1
-# How much the light of a lamp varies with the camera's exposure, which nothing tells where all around it is dark.
+# How much the light of a lamp varies with the camera's exposure, which is unknown if its surroundings are dark.
 EXPOSURE_PART = 0.05
 # Residuals around a window are correlated within patches: the number of independent ones.
 PATCHES = 8
@@ -61,24 +61,25 @@ class LampPicture:
     steady
         (R, C): the weights of the pixels around the window.
     weights
-        (r, c), sum 1: how much each pixel of the window tells.
+        (r, c), sum 1: how much each pixel of the window counts.
     sigma
         The scatter of the weighted level by itself, grey levels.
     response
-        (r, c): how many grey levels more it shows than the light around it explains, per unit of gain: a lamp that is
-        lit in the panel picture does not shine more in the sun.
+        (r, c): how many grey levels more than expected from the light around it the window shows, per unit of gain;
+        negative for a lamp that is lit in the panel picture, since it does not shine more in the sun.
     shining
         By how many grey levels it is brighter than the panel around it in the panel picture, if it is lit there.
     left
         The usual residual variance around the window after fitting the light there.
     others
-        How far its other state may be, if the sample shows it: twice where either may be so.
+        How far away its other state may be, if the sample shows it: one or two possibilities.
     shape, inside
-        (r, c): what that state adds to each pixel per grey level told, and each pixel's usual variance that this does
-        not explain.
+        (r, c): what that state adds to each pixel per grey level of the window's light, and each pixel's usual variance
+        that this does not explain.
     is_doubtful
-        Whether the sample shows it darker than off, or brighter than lit, and not far more often in its other state, so
-        that the panel states the wrong state; or often between both, so that more than its state changes.
+        Whether it may not be read. The sample may show it darker than off, or brighter than lit, and not far more often
+        in its other state: then the panel states the wrong state. Or it is often between both: then more than its state
+        changes.
     """
 
     drawn: UnwrappedGauge
@@ -100,9 +101,9 @@ class LampPicture:
         return told
 
     def sigmas(self, added: Added) -> Floats:
-        """(F,): the uncertainty of that, larger if the surroundings are unusual, as with a hand or a shadow's edge.
+        """(F,): the uncertainty of `told`, larger if the surroundings are unusual, as with a hand or a shadow's edge.
 
-        It is larger, too, the less of the window tells, and if the window looks like neither state, as in glare.
+        It is also larger if pixels of the window are saturated, or if it looks like neither state, as in glare.
         """
         beyond = np.maximum(self.unlike(added) - self.inside, 0.0)
         # A reflecting bezel is less than a quarter of a window; a card or glare is more.
@@ -111,9 +112,9 @@ class LampPicture:
         return sigmas
 
     def between(self, added: Added) -> tuple[Floats, Floats]:
-        """(F,), (F,): halfway to its other state in each frame, grey levels: the least and the most that it may be.
+        """(F,), (F,): halfway to its other state in each frame, grey levels: the lowest and the highest possibility.
 
-        If the sample does not show that state, it is the least that may be some lamp's light.
+        If the sample does not show that state, both are the least light that a lamp may have.
         """
         halves = [HALF * other.away * _grown(added, other.power) for other in self.others]
         halves = halves or [DIMMEST_LEVELS * np.minimum(added.gain, 1.0)]
@@ -126,7 +127,7 @@ class LampPicture:
         return scores
 
     def unlike(self, added: Added) -> Floats:
-        """(F, r, c): squares of what no amount of the lamp's light explains in the window, none if that is unknown."""
+        """(F, r, c): squared residuals of the window after fitting the lamp's light; 0 if its `shape` is unknown."""
         if self.shape is None:
             return np.zeros_like(added.seen)
         levels = added.levels(self.response) * added.is_clear(self.response)
@@ -135,7 +136,7 @@ class LampPicture:
         return unlike
 
     def _clear(self, added: Added) -> Floats:
-        """(F,): how much of what usually tells still tells."""
+        """(F,): the part of the weights on pixels that are not saturated."""
         clear: Floats = (self.weights * added.is_clear(self.response)).sum(axis=(1, 2))
         return np.maximum(clear, np.finfo(np.float64).eps)
 
@@ -148,8 +149,8 @@ class LampPicture:
 class Other:
     """How far the state that the panel picture does not show may be from the one that it shows.
 
-    `away` is that distance at a gain of 1, in grey levels, and `power` that of the gain with which it grows: 0 for a
-    lamp that shines the same in the sun, 1 for one that a camera's exposure dims along with the panel.
+    `away` is that distance at a gain of 1, in grey levels. It grows with the `power` of the gain: 0 for a lamp that
+    shines the same in the sun, 1 for one that the camera's exposure dims along with the panel.
     """
 
     power: float
@@ -158,10 +159,10 @@ class Other:
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What windows show in F frames, (F, r, c), and what the panel picture does in the light around them, `expected`.
+    """What windows show in F frames, `seen` (F, r, c), and what the panel picture shows in that light, `expected`.
 
-    `gain` (F,) is that light, `shown` the variance of the surroundings, and `left` their variance that the fitted light
-    does not explain.
+    `gain` (F,) is the light around the window, `shown` the variance of the surroundings, and `left` the part of that
+    variance that the fitted light does not explain.
     """
 
     seen: Floats
@@ -171,16 +172,16 @@ class Added:
     left: Floats
 
     def of(self, frames: Mask) -> Added:
-        """Return these of the frames (F,)."""
+        """Return some of the frames, (F,)."""
         return Added(*(getattr(self, each.name)[frames] for each in fields(self)))
 
     def levels(self, response: Floats | float = 0.0) -> Floats:
-        """(F, r, c): light beyond the panel picture's in a window of that response, which shows no more than white."""
+        """(F, r, c): light in excess of what the panel picture, with this response, would show, up to white."""
         levels: Floats = self.seen - np.minimum(self._expected(response), WHITE)
         return levels
 
     def is_clear(self, response: Floats | float) -> Mask:
-        """(F, r, c): which pixels tell more light from less: not those that are white and should be."""
+        """(F, r, c): which pixels can show more or less light: not those that are white and are expected to be."""
         is_clear: Mask = np.minimum(self.seen, self._expected(response)) < SATURATED_LEVEL
         return is_clear
 
@@ -192,8 +193,8 @@ class Added:
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady: Floats) -> Added:
     """Measure what windows show beyond the panel picture, in the light that falls around them.
 
-    Dark surroundings tell nothing of that light: the little that they show is noise, or the lamp's own. Then it is
-    taken to be as in the panel picture.
+    Dark surroundings do not show that light: the little that they show is noise, or the lamp's own. The light is then
+    assumed to be as in the panel picture.
 
     Parameters
     ----------
@@ -229,7 +230,7 @@ def _steady(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Floats:
 
 
 def _terms(drawn: UnwrappedGauge) -> Floats:
-    """(R, C, L): what light on a panel is made of: the panel picture's, evenly more, and more to one side."""
+    """(R, C, L): the terms of light on a panel: a gain on the panel picture, a constant, and gradients."""
     down, across = np.indices(drawn.shape) / max(drawn.shape) - 0.5
     terms: Floats = np.stack([drawn / WHITE, np.ones_like(drawn), across, down], axis=-1).astype(np.float64)
     return terms
@@ -244,7 +245,7 @@ def _around(grid: WindowGrid, more: int) -> Mask:
 
 
 def _light(known: Floats, seen: Floats, steady: Floats, spilt: Floats) -> Floats:
-    """(F, L): how much there is of each term (P, L) in frames' pixels (F, P), as in the panel picture if none tells.
+    """(F, L): fit the terms of light (P, L) to frames' pixels (F, P), with the panel picture's light as a prior.
 
     `steady` (P,) are the pixels' weights, and `spilt` (F,) how many grey levels of them may be the lamp's own.
     """
@@ -265,7 +266,7 @@ def _light(known: Floats, seen: Floats, steady: Floats, spilt: Floats) -> Floats
 
 
 def first_lamp(lamp: Lamp, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
-    """Build a lamp's picture from the panel picture alone: all of its window counts equally."""
+    """Build a lamp's picture from the panel picture alone: all pixels of its window count equally."""
     shape = drawn[grid.within].shape
     shining = _shining(grid, drawn) if lamp.lit else np.zeros(shape)
     even, light = np.full(shape, 1.0 / np.prod(shape)), float(shining.mean())
@@ -287,11 +288,11 @@ def _shining(grid: WindowGrid, drawn: UnwrappedGauge) -> Floats:
 
 
 def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture) -> LampPicture:
-    """Learn from a sample's frames (R, C) how either state looks, and which pixels tell most.
+    """Learn from a sample's frames (R, C) how both states look, and which pixels are most informative.
 
-    Frames in which something else lies over the panel teach nothing. Those that show the window darker than off, or
-    brighter than lit, teach that the panel states the wrong state, unless far more show the other one where it should
-    be: then they are odd, as in glare.
+    Frames in which something else lies over the panel are left out. If some frames show the window darker than off, or
+    brighter than lit, the panel states the wrong state; unless far more frames show the other state as expected: then
+    the former are odd ones, such as in glare.
     """
     if len(strips) < FRAMES_TO_LEARN:
         return known
@@ -307,10 +308,10 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
 
 
 def _told_apart(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Added) -> LampPicture:
-    """Learn what the light on the panel does to the window, and so tell its states apart.
+    """Learn how the light on the panel changes the window, and so tell its states apart.
 
-    It is first told from all frames and, once they are told apart, from those alone that show the panel picture's
-    state.
+    The response is estimated from all frames first. Once these are divided into states, it is estimated again, from
+    those that show the panel picture's state.
     """
     usual = known.response
     response = _response(added, known, grid, most=HALF * usual) if lamp.lit else usual
@@ -326,7 +327,7 @@ def _told_apart(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Added) 
 
 
 def _with_response(lamp: Lamp, grid: WindowGrid, known: LampPicture, added: Added, response: Floats) -> LampPicture:
-    """Weigh the pixels by how much they tell, and learn what its states look like."""
+    """Weigh the pixels by how informative they are, and learn how the states look."""
     levels = added.levels(response)
     clear = np.maximum(added.is_clear(response).mean(axis=0), np.finfo(np.float64).eps)
     weights = clear / (np.square(_scatter(levels)) + NOISE_LEVELS**2)
@@ -358,9 +359,9 @@ def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
 
 
 def _is_beyond(lamp: Lamp, known: LampPicture, added: Added, side: int) -> Mask:
-    """(F,): which frames' windows are surely beyond the panel picture's state, towards the other (1) or away (-1).
+    """(F,): which frames are surely beyond the panel picture's state, towards the other state (1) or away from it (-1).
 
-    All pixels count equally: if the panel states the wrong state, the most telling ones are wrong too.
+    All pixels count equally: if the panel states the wrong state, their weights are wrong too.
     """
     away = (-side if lamp.lit else side) * added.levels().mean(axis=(1, 2))
     is_beyond: Mask = away >= np.maximum(BEYOND_CHANCE_SPREADS * known.sigmas(added), DIMMEST_LEVELS)
@@ -381,7 +382,7 @@ def _is_own(away: Floats, added: Added, power: float) -> Mask:
 
 
 def _powers(lamp: Lamp, learned: LampPicture, added: Added) -> tuple[float, ...]:
-    """Find by which powers of the gain frames may fall into two states, the clearest first."""
+    """Find the powers of the gain with which the states' distance may grow, the one that divides frames best first."""
     away = _away(lamp, learned, added)
     unexplained = {power: 1.0 - _in_two(away, _grown(added, power))[1] for power in (0.0, 1.0)}
     least = min(unexplained.values())
@@ -397,9 +398,10 @@ def _grown(added: Added, power: float) -> Floats:
 
 
 def _in_two(away: Floats, grown: Floats) -> tuple[float, float]:
-    """Part frames (F,) into those of one state, around 0, and those that are as many times further away as is `grown`.
+    """Divide frames (F,) into one state at 0 and another at a distance proportional to `grown`.
 
-    Returns what lies between both at a gain of 1, and which part of the frames' squares they explain (as Otsu, 1979).
+    Returns the threshold between the two at a gain of 1, and the part of the frames' sum of squares that the division
+    explains (as Otsu, 1979).
     """
     order = np.argsort(away / grown)
     away, grown = away[order], grown[order]
@@ -411,12 +413,13 @@ def _in_two(away: Floats, grown: Floats) -> tuple[float, float]:
 
 
 def _response(added: Added, known: LampPicture, grid: WindowGrid, *, most: Floats) -> Floats:
-    """(r, c): the slope of levels over gains, by the repeated median (Siegel, 1982), near the usual if they are alike.
+    """(r, c): the slope of levels over gains, by the repeated median (Siegel, 1982), with a prior at the known one.
 
-    So few frames in odd light change little. What is white is taken to respond as usual: nothing makes it brighter.
-    It is at least that of a window which shows nothing but its lamp. In frames of both states it is at most that of a
-    window whose brightness is half its lamp's: where levels seem to grow more with the gain, it is the lamp going out
-    that dims its surroundings.
+    The median keeps a few frames in odd light from changing much; the prior decides if all gains are alike. White
+    pixels are assumed to have the known response, since nothing makes them brighter. The slope is at least that of a
+    window that shows only its lamp, and at most `most`. For a lit lamp, in frames of both states, that is the slope of
+    a window half of whose brightness is the lamp's: if levels seem to grow more with the gain, the reason is that the
+    lamp goes out and so dims its surroundings.
     """
     levels, is_white = added.seen - added.expected, added.seen >= SATURATED_LEVEL
     apart, prior = np.abs(added.gain[:, None] - added.gain), EXPOSURE_PART**2
@@ -432,9 +435,9 @@ def _response(added: Added, known: LampPicture, grid: WindowGrid, *, most: Float
 
 
 def _scatter(levels: Floats) -> Floats:
-    """(...): the spread of levels (F, ...), each in one of two states, however many are in either.
+    """(...): the spread within a state of levels (F, ...) in two states, however many are in each.
 
-    At least half of all pairs are in the same state, so the nearest quarter of pairs is.
+    About half of all pairs or more are in the same state, and so is nearly all of the nearest quarter of pairs.
     """
     one, other = np.triu_indices(len(levels), 1)
     scatter: Floats = PAIRS_TO_SIGMA * np.quantile(np.abs(levels[one] - levels[other]), QUARTER_OF_PAIRS, axis=0)
@@ -458,10 +461,10 @@ class LampReader:
     def _reading(self, level: float, sigma: float, score: float, least: float, most: float) -> dict[str, Reading]:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
 
-        The state that the panel picture does not show is only read if the light is further off than a reflection's
-        flank or an uneven shadow would bring it, or is nearer to what the flight showed of it; the one that it shows,
-        only within a quarter of the way there. In between, nothing is read. A lamp that seems never to change scatters
-        by noise alone, or it may be too dim to be told.
+        The panel picture's state is read only up to a quarter of the way to the other state. The other state is read
+        only beyond half of that way; if the flight did not show it, only beyond what the flank of a reflection or an
+        uneven shadow would add. In between, nothing is read. A lamp that never seems to change is read only if it
+        scatters no more than noise: otherwise it may change, but be too dim to tell.
         """
         lamp, picture = self._lamp, self._picture
         away = -level if lamp.lit else level

@@ -1,9 +1,9 @@
 """Linear scales: a pointer that slides along a straight scale, as in a flap indicator or an edgewise instrument.
 
 Seen along its window, such a pointer only shifts, as a needle does in an unwrapped dial. So its template is searched
-for over the scale's face in the same way, fitted by least squares, and learned from the flight, as is the face that it
-passes over. A match that another place equals nearly is not trusted. The end of a bar is such a pointer that covers the
-scale as far as its bar goes.
+for over the scale's face in the same way, and fitted by least squares; template and face are learned from the flight. A
+match is not trusted if another place matches nearly as well. The end of a bar is such a pointer, too: one that covers
+the scale as far as its bar goes.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Slide:
         return along_px
 
     def along(self, strips: Floats) -> Floats:
-        """(..., R, C): turn windows as they are sampled, with surroundings only before and behind."""
+        """(..., R, C): turn sampled windows so that rows go along the scale, with surroundings only at both ends."""
         down, across = self.grid.within
         if self.own.moves == ACROSS:
             return np.ascontiguousarray(np.swapaxes(strips[..., down, :], -1, -2))
@@ -206,7 +206,7 @@ def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
 
 
 def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float) -> Mask:
-    """(R, C): what a pointer covers with its axis on a row: its place, and all beyond it that belongs to its bar."""
+    """(R, C): what a pointer covers with its axis on a row: its place, and the whole of its bar, if it has one."""
     covered = np.zeros(shape, bool)
     covered.reshape(-1)[needle_pixels(shape, pointer.touched, row)] = True
     before, behind = _bar_sides(pointer)
@@ -217,14 +217,14 @@ def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float) -> Mas
 
 
 def _bar_sides(pointer: NeedleTemplate) -> tuple[bool, bool]:
-    """Whether a pointer is the end of a bar that goes on before it, or behind it: it covers all of one end only."""
+    """Whether a pointer is the end of a bar that goes on before it, or behind it: it then fills that end only."""
     ends = pointer.transparency[:MIN_VIEWS], pointer.transparency[-MIN_VIEWS:]
     before, behind = (bool(np.mean(end) < MIN_VISIBLE) for end in ends)
     return before and not behind, behind and not before
 
 
 def _beside_rows(pointer: NeedleTemplate) -> float:
-    """Return how far beside its zero a pointer's middle lies, or the end of a bar: all readings may be off by it."""
+    """Return how far a pointer's middle, or a bar's end, lies from its zero: all readings may be off by as much."""
     if any(_bar_sides(pointer)):  # drawn at its end, it covers half of its picture
         return abs(float((1.0 - pointer.transparency.mean(axis=1)).sum()) - pointer.rows / 2)
     return abs(pointer.beside_deg)
@@ -235,9 +235,10 @@ def _behind(face: Floats, row: float, rows: int) -> Floats:
 
 
 def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPicture) -> LinearPicture:
-    """Learn scale and pointer from a sample's frames, as they are sampled, as long as as many of them show it.
+    """Learn scale and pointer from a sample's frames, unless the pointer is then found in fewer of them.
 
-    A bar as bright as its scale is in places looks like print there, and its end is no longer found once it is learned.
+    That happens, for example, to a bar that is as bright as parts of its scale: there it looks like print, and its end
+    is no longer found once it is learned.
     """
     lit = in_light_of(given.drawn, (slide.along(strip) for strip in strips))
     views = [view for view in lit if view is not None]
@@ -269,9 +270,9 @@ def _learned(known: LinearPicture, seen: Sequence[Floats], rows: Floats) -> Line
 
 
 def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
-    """Separate scale and pointer by views from which the pointer has moved away, if there are enough.
+    """Separate scale and pointer by the views from which the pointer has moved away, if there are enough.
 
-    It may have stood nearly always where the panel picture shows it; then few other views show what is behind it.
+    If the pointer nearly always stands where the panel picture shows it, few views show the scale behind it.
     """
     rows, at = given.given.rows, given.at_row
     if any(_bar_sides(given.given)):

@@ -1,8 +1,8 @@
-"""Printed digits: what drums, wheels and dots show, read with the print that the panel's pictures teach.
+"""Printed digits on drums, wheels or dot matrices, read by the print that the panel's pictures show.
 
-Each cell is compared with all that it may show. It is read if it matches one place clearly better than any other, and
-nothing is left over that may be a stroke of a digit nobody taught. On drums that roll, each higher drum must stand
-where the next lower one puts it: it moves only while that turns from 9 to 0.
+Each cell is compared with everything that it may show. It is read if it matches one place clearly better than any
+other, and no residual is left that may be a stroke of an unknown digit. On drums that roll, each higher drum must stand
+where the next lower one puts it: it moves only while the lower one turns from 9 to 0.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class PrintedReader:
             statuses, values = statuses & agrees, counts
             sigmas = np.hypot(self._sigmas_px(scores[:, -1]), place_sigmas_px) / (self._print.pitch * self._row_px)
             sigmas = np.hypot(sigmas, UNIFORM_SIGMA / DIGITS)  # pictures' counts are given to a tenth of a digit
-            # Drums at zero are found slightly below it as often as above; that is not the highest count.
+            # Drums at zero are found slightly below it as often as above, which must not become the highest count.
             turn = float(DIGITS) ** places.shape[1]
             values = np.where(counts + TRUSTED_SIGMAS * sigmas >= turn, 0.0, counts)
         return [
@@ -108,7 +108,7 @@ def counted(places: Floats) -> tuple[Floats, Mask]:
     moved = np.maximum(places[:, -1] - (DIGITS - 1), 0.0)
     for power, place in enumerate(places[:, -2::-1].T, 1):
         digit = np.rint(place - moved)
-        # half of what would be another digit, since half a digit further it is nearer to that one
+        # half of half a digit: beyond half a digit, a drum is nearer to the next one
         agrees &= np.abs(place - moved - digit) <= HALF / 2
         digit %= DIGITS
         counts += digit * DIGITS**power
@@ -138,7 +138,7 @@ class PrintedKind(WindowKind):
 
 
 def print_of(own: Printed, grid: WindowGrid, windows: Sequence[UnwrappedGauge]) -> Print:
-    """Build the print that windows teach, the panel picture's first."""
+    """Build the print from windows in pictures, the panel picture's first."""
     cells = Cells.within(windows[0], own.before, own.gap, is_turned=own.rolls == "down")
     given = grid.rows if own.pitch is None else own.pitch / grid.cell_px[1]
     places = drums_at(np.array(own.shown_counts()[: len(windows)]), len(own.before))
@@ -178,7 +178,7 @@ def _taught_by(drawn: DrawnInstrument, place: int) -> UnwrappedGauge:
 
 
 def _is_near(corners: Corners, found: Alignment, window: WindowGrid) -> bool:
-    """Whether a window drawn by hand is about where the panel's lies in a picture, which then is surer."""
+    """Whether a window drawn by hand is near the panel's window in a picture: then the latter is more exact."""
     there = np.array([found.to_frame(corner) for corner in window.corners])
     height_px = math.dist(there[0], there[-1])
     return float(np.abs(np.array(corners) - there).max()) <= HALF * height_px

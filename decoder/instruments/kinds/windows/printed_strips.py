@@ -1,8 +1,8 @@
-"""Print: what printed digits look like as far as pictures show them, and how similar to them a frame is.
+"""Print: what printed digits look like as far as pictures show them, and how similar a frame is to that.
 
 Each cell of a row has a strip with all digits below each other, as on a drum: a drum shows any part of it, a display
-its whole digits. The known rows of a strip are those shown in a picture whose digits were given. Cells that are printed
-alike, or not known to be printed differently, share their digits.
+only whole digits. The known rows of a strip are those shown in a picture whose digits were given. Cells share their
+digits unless they are known to be printed differently.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class Print:
         return seen.astype(np.float32), is_known.mean(axis=2) >= 1 - MIN_VISIBLE
 
     def lent(self) -> Print:
-        """Fill in digits that a cell lacks from other cells that are printed alike."""
+        """Return the print with each cell's missing digits filled in from other cells that are printed alike."""
         looks, has = self._seen(np.arange(DIGITS, dtype=np.float64))
         levels, known, whole = self.levels.copy(), self.known.copy(), has.copy()
         every = range(len(levels))
@@ -177,7 +177,7 @@ class Looks:
     places
         (N,): in digits.
     pixels
-        (D, P, N * H): what is seen there, with light projected out, of unit length; zero where nothing is known.
+        (D, P, N * H): what a cell shows there, with light projected out, of unit length; zero where nothing is known.
     lengths
         (D, N * H): its length before that.
     light
@@ -321,7 +321,7 @@ def shifted(look: Floats, right: float, down: float) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How far one cell's digits have to be moved to appear in another, pixels; sure if a common digit confirms it."""
+    """How far one cell's digits must be moved to appear as in another, pixels; sure if a common digit confirms it."""
 
     right: float
     down: float

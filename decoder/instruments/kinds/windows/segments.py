@@ -362,7 +362,7 @@ def found(
 ) -> tuple[Fitted, Mapping[str, str]]:
     """Find the segments in a picture (R, C) of the display, drawn around by hand, that shows `symbols`.
 
-    That takes seconds, and the same picture is asked about again whenever another part of its panel is drawn anew.
+    The result is cached: it takes seconds, and is needed again whenever another part of the panel is redrawn.
 
     Returns
     -------

@@ -1,11 +1,10 @@
 """Tapes: a scale that slides or turns behind a fixed index, such as a compass card seen edge-on or an altitude tape.
 
-What moves is one picture, longer than the window, of which a frame shows a part. At first only the part in the panel
+The tape is one picture, longer than the window, and a frame shows a part of it. At first only the part in the panel
 picture is known. A frame that overlaps the known part, and matches it well and nowhere else, adds some more, until no
-frame does. The best match goes first, and what it adds is known before the next one is looked at: this keeps a frame
-from being taken for a similar part of the tape while its own is still unknown. What stands still in the window instead,
-such as a lubber line, is where all frames agree, and has no weight. Neither has what the tape shows at every position,
-such as a line along its ticks.
+frame does. The best match is added before the next frame is compared: this keeps a frame from being taken for a similar
+part of the tape while its own is still unknown. Where all frames agree, something stands still in the window, such as a
+lubber line; that has no weight. Nor has anything that the tape shows at every position, such as a line along its ticks.
 
 A reading is the whole tape's best match with the window, searched at every position and then refined by least squares.
 Where another position matches nearly as well, or the tape was never seen, nothing is read.
@@ -54,12 +53,12 @@ RIVAL_STEPS = 2
 PATCHES = 12
 # Neighbouring samples have correlated errors: one in this many is independent.
 TOGETHER = 6.0
-# All views share the shape's errors, so together they tell no more than one would, and samples tell less than their
-# number suggests.
+# All views share the shape's errors, so together they have no more information than one would, and samples have less
+# than their number suggests.
 ALIKE = 20.0
 # How far a tape without an end is followed to either side, in windows.
 REACH_WINDOWS = 12
-# Up to this part of a sample's frames may show the same position and still tell what stands still.
+# Up to this part of a sample's frames may show the same position without spoiling the test of what stands still.
 MOVING_QUANTILE = 0.8
 SETTLE_ROUNDS, REFINE_ROUNDS, GROW_ROUNDS = 2, 4, 40
 
@@ -192,7 +191,7 @@ class TapeFinder:
         self._rows, self._columns = picture.weights.shape
         self._size = len(picture.levels)
         self._lights = _lights(self._rows, self._columns, _profile(picture))
-        # Half a row on, as `_at` blends two rows: over three, a sharp mark would change half as fast.
+        # The slope half a row on, since `_at` blends two rows: over three rows, a sharp mark would change half as fast.
         self._slopes = np.roll(picture.levels, -1, 0) - picture.levels
         self._known = picture.known.astype(np.float32)
         self._along = np.linspace(-1.0, 1.0, self._rows, dtype=np.float32)[:, None]
@@ -392,7 +391,7 @@ class TapeFinder:
 def _lights(rows: int, columns: int, profile: Floats) -> Floats:
     """(5, R * C): the light modes of a window: constant, linear and quadratic along it, linear across it.
 
-    The last is not light but the tape's average profile across it, (C,), which tells nothing of its position.
+    The last is not light but the tape's average profile across it, (C,), which is the same at every position.
     """
     along, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
     everywhere = np.broadcast_to(profile, along.shape)
@@ -520,7 +519,7 @@ class _Learning:
     def _told(self) -> tuple[Floats, Floats]:
         """Set up the views' least squares for the shape's parameters: (4, 4) and (4,).
 
-        What all views of a place share was absorbed by the picture of the tape, and tells nothing.
+        A residual that all views of a place share was absorbed by the picture of the tape, and is left out.
         """
         picture, size = self._picture, len(self._picture.levels)
         which = np.flatnonzero(self._is_placed)
@@ -582,8 +581,9 @@ def _in_light_of(reference: Floats, window: Floats) -> Floats:
 def _still(windows: Sequence[Floats]) -> Floats:
     """(along, across): 1 where windows show the same in most frames, whatever the tape does, else 0.
 
-    That is an edge; or the inside of what lies over the tape, if its level is further from what is beside it along the
-    window than the tape's levels usually move, and it outweighs all that moves: it would match at every position.
+    That is either an edge, or the inside of something that lies over the tape. The inside counts if its level differs
+    from the rest along the window by more than the tape's levels usually change, and if it outweighs everything that
+    moves, since it would then match at every position.
     """
     views = np.stack(windows)
     middle = median_of(views)
@@ -617,8 +617,8 @@ class TapeReader:
     def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
         """Read F frames of its window, (F, R, C) as they are sampled.
 
-        While part of a tape is unknown, that part may look like another, so a match must be better; and if two known
-        parts look alike, an unknown one may look like them too.
+        While part of a tape is unknown, that part may look like a known one, so a match must be better; and if two
+        known parts look alike, an unknown one may look like them too.
         """
         picture, drawn = self._picture, self._drawn
         windows = np.stack([picture.unroll(window) for window in drawn.along(strips)])

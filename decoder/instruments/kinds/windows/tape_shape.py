@@ -1,8 +1,8 @@
 """The shape of a tape in its window: flat, or the rim of a drum or card, whose marks crowd together towards the sides.
 
 A place on a tape is identified by its value. Unrolled, a tape moves by rows, and a drum's rim becomes flat. The shape
-starts from marks drawn by hand; how the picture of the tape crosses the window as it moves gives the rest, such as a
-drum that leans, is narrower at one end, or is seen from above.
+starts from marks drawn by hand. The rest is learned from how the picture of the tape moves across the window, such as
+that a drum leans, is narrower at one end, or is seen from above.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROW_PX = 0.5
 LIMB = math.radians(62.0)
 # How precisely a mark is drawn.
 MARK_PX = 0.5
-# Blur that removes fine print, noise and differences in sharpness, which tell less of a tape's place than its numerals.
+# Blur that removes fine print, noise and differences in sharpness, which locate a tape less well than its numerals do.
 BLUR_PX = 0.8
 MARK_STEPS = 30
 # Priors, before a flight is seen: a drum's taper, and how far its edge bends.
@@ -141,7 +141,7 @@ class TapeShape:
         return math.hypot(MARK_PX * a_pixel, math.sqrt(own)), math.sqrt(covariance[1, 1]) / abs(self.radius_px)
 
     def refined(self, marks: DrawnMarks, normal: Floats, pull: Floats) -> TapeShape:
-        """Return the shape one step closer to what a flight's normal equations (4, 4), (4,) and the marks tell."""
+        """Return the shape after one least-squares step from a flight's normal equations (4, 4), (4,) and the marks."""
         off_px, slopes = self._at_marks(marks)
         order = [0, 1, 3, 4, 2]
         own = slopes[order] / MARK_PX
@@ -156,7 +156,7 @@ class TapeShape:
         return replace(self, **moved, value=self.value + part * float(steps[4]))
 
     def trials(self) -> list[tuple[TapeShape, float]]:
-        """Return shapes that each differ a little in one parameter a flight may tell, with the difference."""
+        """Return shapes that each differ a little in one parameter that a flight can show, with the difference."""
         return [(replace(self, **{name: getattr(self, name) + trial}), trial) for name, trial in TRIALS.items()]
 
 

@@ -1,4 +1,4 @@
-"""Common base of all kinds that are read in a window: a picture is learned, nothing turns."""
+"""Common base of all kinds that are read in a window: they learn a picture, and nothing turns."""
 
 from __future__ import annotations
 
