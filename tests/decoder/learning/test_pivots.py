@@ -161,12 +161,12 @@ def test_panel_with_a_pivot_beside_the_true_one_is_put_right() -> None:
 
 def test_pivot_that_was_not_found_is_told() -> None:
     """A gauge whose needles do not turn about the last round's pivot is named, and its needle is less certain."""
-    reader = reader_moved(-1.6, 1.2)
+    reader = reader_moved(-3.2, 2.4)
     found, not_found = (fit_to_flight(reader, lambda _: frames(), rounds=rounds) for rounds in (8, 1))
     doubts_px = [fitted.uncertainties["speed_kt"].pivot.sigma_px for fitted in (found, not_found)]
 
     assert found.unsettled == found.findings["fuel"] == ()
-    assert found.findings["speed"][0].startswith("turns 1.6 px right of and 1.2 px above the drawn centre, corrected;")
+    assert found.findings["speed"][0].startswith("turns 3.2 px right of and 2.4 px above the drawn centre, corrected;")
     assert not_found.unsettled == ("speed",)
     assert not_found.findings["speed"][0].startswith("turns about another point than the drawn centre, but")
     assert doubts_px[1] > 2 * doubts_px[0]
