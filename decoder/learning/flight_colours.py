@@ -56,9 +56,9 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     mixtures = list(before)
     for place, index in enumerate(coloured):
         gauge, grid, frames = gauges[index], grids[index], [own[place] for own in seen]
-        choice = mixtures_for(gauge, grid, drawn[index], frames)
         if index not in lost and changes_in_luma(grid, drawn[index], frames):
             continue
+        choice = mixtures_for(gauge, grid, drawn[index], frames)
         best = best_mixture(grid, drawn[index], frames, needle_rows(gauge, grid), choice)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from decoder.imaging.planes import Squeeze
-from decoder.imaging.sorting import median_of
+from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge, row_of_angle
 from decoder.matching.correlation import noise_between, turned_correlation
@@ -42,6 +42,8 @@ WIDEST_DEG = 12.0
 GAP_ROWS = 2
 # Axes of many frames in one such sector tell about the same.
 SECTOR_DEG = 10.0
+# Fits of a line to a ridge; pixels beside it count less each time.
+LINE_FITS = 4
 MOST_FRAMES, MOST_CARD_FRAMES = 16, 8
 # The steps of the search, and those around the best, as parts of the radius; tilts give the rest.
 STEP_PART, LAST_STEP_PART = 0.02, 0.01
@@ -185,12 +187,14 @@ class _AxisLines:
 def _fitted_line(axis_px: Floats) -> tuple[float, ...]:
     """Fit a line to pixels (N, 2) of a ridge: its middle x, y, its direction x, y, its length and its scatter."""
     weights = np.ones(len(axis_px))
-    for _ in range(4):
+    for _ in range(LINE_FITS):
         middle = weights @ axis_px / weights.sum()
         about = axis_px - middle
         _, axes = np.linalg.eigh((about.T * weights) @ about)
         off = about @ axes[:, 0]
-        spread = max(1.4826 * float(np.median(np.abs(off))), 0.2)
+        spread = max(
+            MAD_TO_SIGMA * float(median(np.abs(off))), 0.2
+        )  # rows are whole: a ridge scatters by that at least
         weights = 1.0 / (1.0 + (off / (2.0 * spread)) ** 2)
     return (*middle, *axes[:, 1], np.ptp(about @ axes[:, 1]), spread / math.sqrt(max(len(axis_px) / 3, 1.0)))
 
