@@ -192,9 +192,7 @@ def _fitted_line(axis_px: Floats) -> tuple[float, ...]:
         about = axis_px - middle
         _, axes = np.linalg.eigh((about.T * weights) @ about)
         off = about @ axes[:, 0]
-        spread = max(
-            MAD_TO_SIGMA * float(median(np.abs(off))), 0.2
-        )  # rows are whole: a ridge scatters by that at least
+        spread = max(MAD_TO_SIGMA * float(median(np.abs(off))), 0.2)  # as rows are whole
         weights = 1.0 / (1.0 + (off / (2.0 * spread)) ** 2)
     return (*middle, *axes[:, 1], np.ptp(about @ axes[:, 1]), spread / math.sqrt(max(len(axis_px) / 3, 1.0)))
 
