@@ -118,7 +118,7 @@ def _connected(grid: PolarGrid, is_ridge: Mask) -> Iterator[Floats]:
     rows, columns = np.nonzero(thin)
     labels = parts[rows, columns]
     angles = np.radians(grid.start_deg + grid.step_deg * rows)
-    radii_px = grid.inner_px + (columns - grid.tail_columns) * grid.column_px
+    radii_px = grid.radii_px[columns]
     places_px = np.stack([radii_px * np.cos(angles), radii_px * np.sin(angles)], axis=1)
     for label in range(1, count):
         yield places_px[labels == label]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from decoder.instruments.panel_reader import read_picture
+from decoder.imaging.unwrapping import UnwrappedGauge
+from decoder.instruments.appearance import Instrument
+from decoder.instruments.kind_table import kind_of
+from decoder.instruments.panel_reader import read_picture, unwrapped
 from decoder.instruments.reading import Status
 from decoder.learning.drawn_points import log_odds_of_scales, seen_from
 from decoder.learning.fit import FittedReader, around_pivots, fit_to_flight
@@ -24,6 +27,7 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.scale import Scale
 from tests.decoder.instruments import altimeters
 from tests.decoder.instruments import test_cards as cards
+from tests.decoder.instruments import test_over_card as over_card
 from tests.decoder.instruments.dials import CENTRE, Hand, paint, reader_for
 
 Draws = Callable[[float, float], dict[str, Any]]
@@ -299,6 +303,38 @@ def test_hands_of_an_altimeter_are_read_around_a_centre_that_is_far_off() -> Non
 def ring_of_marks(turn: float, around: Callable[[float], float]) -> list[list[float]]:
     """Ten marks all round, as they are clicked."""
     return [[around(270.0 + 36.0 * number), turn / 10 * number] for number in range(10)]
+
+
+def over_still_card(
+    needle_deg: Callable[[int], float], towards_deg: float
+) -> tuple[Instrument, Sequence[UnwrappedGauge]]:
+    """A needle with its tail over a card that stands still, its centre drawn off, and its gauge in 16 frames."""
+    frames = [over_card.with_pointer(cards.PANEL_TURN_DEG, needle_deg(step), 200 + step) for step in range(16)]
+    reader = reader_for([drawn_beside(over_card.POINTER, 0.04, towards_deg)], frames[0])
+    (gauge,), (grid,) = reader.source.panel.gauges, reader.grids
+    strips = [frame.gauges[0] for frame in unwrapped(reader, frames) if frame.gauges[0] is not None]
+    return Instrument(0, gauge, grid, strips[0]), strips
+
+
+@pytest.mark.parametrize("towards_deg", [20.0, 250.0])
+def test_needle_that_reaches_across_its_pivot_tells_where_that_is(towards_deg: float) -> None:
+    """What shows on the far side of the centre lies on the same line, on both sides of a part that is not sampled."""
+    instrument, strips = over_still_card(lambda step: 40.0 + 51.0 * step, towards_deg)
+
+    found = kind_of(instrument.gauge).far_pivot(instrument, strips)
+
+    towards = math.radians(towards_deg)
+    assert instrument.grid.tail_columns > 0
+    assert found == pytest.approx(
+        (-0.04 * RADIUS_PX * math.cos(towards), -0.04 * RADIUS_PX * math.sin(towards)), abs=0.4
+    )
+
+
+def test_card_that_stands_still_below_a_needle_does_not_show_from_where_it_is_seen() -> None:
+    """A squeeze that makes the needle look alike wherever it points says nothing of the card."""
+    instrument, strips = over_still_card(lambda step: 200.0 + 40.0 * math.sin(0.8 * step), 250.0)
+
+    assert kind_of(instrument.gauge).squeeze(instrument, strips, is_lost=True) is None
 
 
 def test_needle_that_does_not_show_around_a_moved_pivot_is_missing() -> None:

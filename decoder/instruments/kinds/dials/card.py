@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 
@@ -49,6 +50,7 @@ from decoder.matching.correlation import (
     Spectrum,
     explained,
     is_singular,
+    noise_between,
     products,
     weighted_correlation,
 )
@@ -60,7 +62,13 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import PRIOR_PX, UNKNOWN, Pivot
-from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
+from decoder.registration.thresholds import (
+    CERTAIN_SIGMAS,
+    LIKELY_SCORE,
+    MIN_SPREAD_LEVELS,
+    NOISE_LEVELS,
+    SCORE_THRESHOLD,
+)
 
 FIT_STEPS = 3
 # Another match this far away is a rival; nearer, it is the same peak.
@@ -292,6 +300,20 @@ def far_card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[f
         return None
     turns = common_turns(card_rings(grid, strips, found), round(RIVAL_REACH_DEG / ROW_DEG))
     return found if turns.clear.mean() >= HALF else None
+
+
+def stands_still(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> bool:
+    """Whether a card does not turn in frames (R, C): between most pairs of them, most of the way round stays as it is.
+
+    A card that turns takes marks to other places all round, but a needle over a card that stands still is at two places
+    only. Whether the frames agree after a turn does not tell: any turn that brings the needle onto itself would do.
+    """
+    rings = card_rings(grid, strips, (0.0, 0.0))
+    # Print that is aligned to a part of a pixel changes by less than its contrast, print elsewhere by all of it.
+    clear = max(float(rings.std()), 2 * CERTAIN_SIGMAS * noise_between(rings)) if len(rings) else 0.0
+    pairs = [np.abs(one - other) > clear for one, other in combinations(rings, 2)]
+    changed = [(pair.mean(axis=1) > HALF**3).mean() for pair in pairs]
+    return bool(changed) and float(np.median(changed)) < HALF**2
 
 
 def first_card(strip: UnwrappedGauge, grid: PolarGrid) -> CardPicture:

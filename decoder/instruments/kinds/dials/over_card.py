@@ -48,6 +48,7 @@ from decoder.instruments.kinds.dials.card import (
     first_card,
     learn_card,
     shared,
+    stands_still,
     turned,
 )
 from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
@@ -723,10 +724,14 @@ class OverCardKind(Still):
     def far_pivot(self, instrument: Instrument, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
         dial = self._dial(instrument.gauge, instrument.grid)
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
-        return far_card_pivot(dial.card_grid, parts)
+        found = far_card_pivot(dial.card_grid, parts)
+        if found is None and stands_still(dial.card_grid, parts):
+            return dial.needle_kind.far_pivot(replace(instrument, gauge=dial.bare_gauge), strips)
+        return found
 
     def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
         if not is_lost:
             return None
         dial = self._dial(instrument.gauge, instrument.grid)
-        return card_squeeze(dial.card_grid, [dial.card_part(dial.part(strip)) for strip in strips])
+        parts = [dial.card_part(dial.part(strip)) for strip in strips]
+        return None if stands_still(dial.card_grid, parts) else card_squeeze(dial.card_grid, parts)
