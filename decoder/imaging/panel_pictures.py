@@ -15,13 +15,14 @@ from decoder.imaging.alignment import Alignment
 from decoder.imaging.dial_plane import dial_plane, inches_to_picture
 from decoder.imaging.optics import Optics
 from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture, colour_picture, grey_picture, without_colour
-from decoder.imaging.planes import DialPlane, Raised
+from decoder.imaging.planes import DialPlane, Raised, Squeeze
 from decoder.imaging.resampling import inside, part_inside
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Grid, PolarGrid, grid_of
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import Camera
 from decoder.panel.errors import PanelError, PictureError
+from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel, parse_panel
 from decoder.panel.vocabulary import PANEL_FILE
 from flight_file.untrusted import read_named_in, read_yaml_file
@@ -37,6 +38,8 @@ class PanelPictures:
         That took the pictures, if known.
     planes
         Of the dials, in the panel's order, if better known than from the panel alone.
+    squeezes
+        As which a flight shows the dials beyond what the panel says, in the same order; none if it shows none.
     encoded
         The pictures as in their files; without them there are no colours.
     mixtures
@@ -54,6 +57,7 @@ class PanelPictures:
     sha256: str
     camera: Camera | None = None
     planes: tuple[DialPlane | None, ...] | None = None
+    squeezes: tuple[Squeeze | None, ...] = ()
     encoded: Mapping[str, bytes] = field(default_factory=dict)
     mixtures: tuple[Mixture | None, ...] = ()
     blur_px: float = 0.0
@@ -116,12 +120,15 @@ class PanelPictures:
         """
         if self.planes is not None:
             return self
+        return replace(self, planes=tuple(self.plane_of(index, gauge) for index, gauge in enumerate(self.panel.gauges)))
+
+    def plane_of(self, index: int, gauge: Gauge) -> DialPlane | None:
+        """Compute the plane of the dial with this index, if it is drawn like this gauge; raises as `with_planes`."""
         optics = self.optics
         inches = inches_to_picture(self.panel.reference_points, self.panel.level, optics)
-        planes = [
-            dial_plane(gauge, f"gauges[{index}]", optics, inches) for index, gauge in enumerate(self.panel.gauges)
-        ]
-        return replace(self, planes=tuple(planes))
+        plane = dial_plane(gauge, f"gauges[{index}]", optics, inches)
+        squeeze = self.squeezes[index] if self.squeezes else None
+        return plane if squeeze is None else (plane or DialPlane.square_on(gauge.centre)).squeezed(squeeze)
 
     def grid(self, index: int) -> Grid:
         """Lay out the sample points of the gauge with this index in the panel."""

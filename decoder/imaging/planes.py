@@ -138,6 +138,11 @@ class DialPlane:
         longest, shortest = np.linalg.svd(jacobian(self.matrix, (0.0, 0.0)), compute_uv=False)
         return float(np.sqrt(max((longest / shortest) ** 2 - 1.0, 0.0)))
 
+    @property
+    def perspective(self) -> float:
+        """By which part something that is a pixel nearer to the camera appears larger."""
+        return math.hypot(*self.elements[6:8])
+
     @classmethod
     def square_on(cls, centre: Point) -> Self:
         """Make the plane of a dial that is seen square on, without distortion."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +58,7 @@ from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
+from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
 from decoder.panel.vocabulary import Method
@@ -176,7 +178,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     source = reader.source
     begun, last = _best_begun(reader, sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
-    gauges, squeezes, allowed = begun.drawn, begun.squeezes, _allowed(begun, last)
+    gauges, allowed = begun.drawn, _allowed(begun, last)
     del begun
     first, known = last.pivots, _known(last, paths)
     for round_ in range(1, rounds):
@@ -225,7 +227,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             if path.was_moved
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
-        squeezes=squeezes,
+        squeezes=_corrected(last.reader.source),
         allowed=allowed,
         has_points=log_odds > 0.0,
         sampled=len(samples),
@@ -274,8 +276,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
 
     def again(starts: Sequence[Vector | None], squeezes: Sequence[Squeeze | None]) -> tuple[_Recentred, _Round]:
         better = squared_up(coloured, squeezes) if any(squeezes) else coloured
-        begun, last = _begun(better, unwrapped(better, sample(frames_wanted(placed.placement))), sample, starts, tell)
-        return replace(begun, squeezes=tuple(squeezes)), last
+        return _begun(better, unwrapped(better, sample(frames_wanted(placed.placement))), sample, starts, tell)
 
     begun, last = again(starts, squeezes)
     doubted = _doubted(last.found)
@@ -298,10 +299,15 @@ def _allowed(begun: _Recentred, last: _Round) -> tuple[Squeeze | None, ...]:
         begun,
         [
             squeeze is None and not is_lost(gauge, last.found)
-            for gauge, squeeze in zip(begun.drawn, begun.squeezes, strict=True)
+            for gauge, squeeze in zip(begun.drawn, _corrected(begun.reader.source), strict=True)
         ],
         is_lost=False,
     )
+
+
+def _corrected(source: PanelPictures) -> tuple[Squeeze | None, ...]:
+    """For each gauge, return the squeeze with which it was squared up, or None."""
+    return source.squeezes or (None,) * len(source.panel.gauges)
 
 
 def _squeezes(begun: _Recentred, wanted: Sequence[bool], *, is_lost: bool) -> tuple[Squeeze | None, ...]:
@@ -365,7 +371,7 @@ class _Recentred:
     """A reader that has not learned yet, around pivots that are far from the drawn centres.
 
     `samples` are unwrapped by it, `paths` are by gauge how far its pivot was moved, and `log_odds` is how likely marks
-    are points rather than angles. The angles of the gauges in `drawn` already allow for `squeezes`, by gauge.
+    are points rather than angles. The angles of the gauges in `drawn` already allow for squeezes.
     """
 
     reader: PanelReader
@@ -373,7 +379,6 @@ class _Recentred:
     paths: list[PivotPath]
     log_odds: float
     drawn: tuple[Gauge, ...]
-    squeezes: tuple[Squeeze | None, ...]
 
 
 def _around_far_pivots(
@@ -381,9 +386,9 @@ def _around_far_pivots(
 ) -> _Recentred:
     """Search for pivots far from the drawn centres, and unwrap a sample around them."""
     drawn = reader.source.panel.gauges
-    paths, as_seen = [PivotPath()] * len(drawn), (None,) * len(drawn)
+    paths = [PivotPath()] * len(drawn)
     if len(samples) < FRAMES_TO_LEARN:
-        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn, as_seen)
+        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn)
     if any(starts):
         paths = [
             path if start is None else path.from_afar(start, REACH_PART * gauge.radius[1])
@@ -409,13 +414,13 @@ def _around_far_pivots(
         reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     if not any(path.is_far for path in paths):
-        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn, as_seen)
+        return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn)
     log_odds = _log_odds(reader, samples, drawn, paths)
     told = seen_from_pivots(drawn, paths, log_odds)
     if told != drawn:
         reader = around_pivots(reader, [None] * len(drawn), drawn=told)
         samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
-    return _Recentred(reader, samples, paths, log_odds, drawn, as_seen)
+    return _Recentred(reader, samples, paths, log_odds, drawn)
 
 
 def _log_odds(
@@ -528,39 +533,51 @@ def around_pivots(
         rows=None,
         lifts=tuple(lift + more for lift, more in zip(lifts, lifts_missing, strict=False)),
     )
-    moved = [
-        plane if plane is None or step is None else plane.around(step)
-        for plane, step in zip(planes, steps_px, strict=True)
-    ]
-    return _redrawn(reader, gauges, moved, placement)
+    moved = tuple(_planes_around(source, gauges, steps_px))
+    panel = source.panel.model_copy(update={"gauges": tuple(gauges)})
+    return _redrawn(reader, replace(source, panel=panel, planes=moved), placement)
+
+
+def _planes_around(
+    source: PanelPictures, gauges: Sequence[Gauge], steps_px: Sequence[Vector | None]
+) -> Iterator[DialPlane | None]:
+    """Move planes with their pivots by these steps, to the centres of these gauges.
+
+    A rim about a centre that is drawn far beside it looks like perspective. So if a pivot is far off, its rim's plane
+    is found again about it, and the one that needs less perspective is taken: raised needles may also turn beside
+    their rim's middle.
+    """
+    planes = source.planes or (None,) * len(gauges)
+    for index, (gauge, plane, step) in enumerate(zip(gauges, planes, steps_px, strict=True)):
+        moved = plane if plane is None or step is None else plane.around(step)
+        is_far = step is not None and math.hypot(*step) > FAR_PART * gauge.radius[1]
+        if moved is not None and is_far and gauge.rim is not None:
+            with suppress(PanelError):  # about this pivot, the rim is no circle
+                moved = min(moved, source.plane_of(index, gauge) or moved, key=lambda each: each.perspective)
+        yield moved
 
 
 def squared_up(reader: PanelReader, squeezes: Sequence[Squeeze | None]) -> PanelReader:
-    """Return a reader of the panel with squeezed dials squared up; it has not learned them again yet."""
-    gauges, planes = list(reader.source.panel.gauges), list(reader.source.planes or (None,) * len(squeezes))
-    for index, squeeze in enumerate(squeezes):
-        if squeeze is not None:
-            plane = planes[index] or DialPlane.square_on(gauges[index].centre)
-            planes[index] = plane.squeezed(squeeze)
-            gauges[index] = gauges[index].at_angles(squeeze.square_on_deg)
-    return _redrawn(reader, gauges, planes, reader.placement)
+    """Return a reader of the panel as drawn with squeezed dials squared up; it has not learned them again yet."""
+    gauges = tuple(
+        gauge if squeeze is None else gauge.at_angles(squeeze.square_on_deg)
+        for gauge, squeeze in zip(reader.source.panel.gauges, squeezes, strict=True)
+    )
+    panel = reader.source.panel.model_copy(update={"gauges": gauges})
+    source = replace(reader.source, panel=panel, planes=None, squeezes=tuple(squeezes))
+    return _redrawn(reader, source.with_planes(), reader.placement)
 
 
-def _redrawn(
-    reader: PanelReader, gauges: Sequence[Gauge], planes: Sequence[DialPlane | None], placement: Placement
-) -> PanelReader:
+def _redrawn(reader: PanelReader, source: PanelPictures, placement: Placement) -> PanelReader:
     """Return a reader of the panel with its gauges drawn differently; it knows them from the panel's pictures only."""
-    panel = reader.source.panel.model_copy(update={"gauges": tuple(gauges)})
-    source = replace(reader.source, panel=panel, planes=tuple(planes))
-    unwrapped, method = UnwrappedPanel(source, reader.drawn.aligner), reader.method
-    before = reader.source.panel.gauges, reader.source.planes or (None,) * len(gauges)
-    stay = [
-        index
-        for index, (gauge, plane, was, where) in enumerate(zip(gauges, planes, *before, strict=True))
-        if not gauge.turning and (gauge, plane) == (was, where)
-    ]
-    appearance = appearance_from_panel(unwrapped, reader.appearance, stay=stay)
-    return PanelReader.of(source, method, appearance, placement, unwrapped)
+    drawn, method = UnwrappedPanel(source, reader.drawn.aligner), reader.method
+    now, before = (
+        list(zip(each.panel.gauges, each.planes or (None,) * len(each.panel.gauges), strict=True))
+        for each in (source, reader.source)
+    )
+    stay = [index for index, own in enumerate(now) if not own[0].turning and own == before[index]]
+    appearance = appearance_from_panel(drawn, reader.appearance, stay=stay)
+    return PanelReader.of(source, method, appearance, placement, drawn)
 
 
 def _moved(centre: Point, plane: DialPlane | None, own: Alignment, step_px: Vector) -> Point:

@@ -337,6 +337,25 @@ def test_card_that_stands_still_below_a_needle_does_not_show_from_where_it_is_se
     assert kind_of(instrument.gauge).squeeze(instrument, strips, is_lost=True) is None
 
 
+def test_rim_of_a_dial_whose_centre_is_drawn_beside_its_pivot_is_no_perspective() -> None:
+    """The side to which the centre is off seems to be further away, until the card shows where it turns."""
+    around = np.radians(np.arange(0.0, 360.0, 45.0))
+    rim = (np.array(CENTRE) + 72.0 * np.stack([np.cos(around), np.sin(around)], axis=1)).tolist()
+    gauge = drawn_beside({**cards.CARD, "rim": rim}, 0.04, 70.0)
+    frames = [cards.draw(3.0 + 22.5 * step, 100 + step) for step in range(16)]
+    reader = reader_for([gauge], cards.draw(cards.PANEL_TURN_DEG, 1))
+
+    fitted = fit_to_flight(reader, lambda _: frames)
+
+    (before,), (after,) = (np.array(each.source.planes) for each in (reader, fitted.reader))
+    assert after.perspective < 0.1 * before.perspective
+    for turn_deg in (31.0, 44.4, 140.0, 300.0):
+        reading = read_picture(fitted.reader, cards.draw(turn_deg, 9)).readings["heading_deg"]
+        (value,) = Scale.of(fitted.panel.gauges[0].scale, 360.0).values_at(np.array([reading.angle_deg]))
+        assert reading.status is Status.READ
+        assert cards.apart(float(value), cards.heading_of(turn_deg)) < 0.3
+
+
 def test_needle_that_does_not_show_around_a_moved_pivot_is_missing() -> None:
     """A search may go astray on one dial: where its needle was drawn is nothing then, and the flight goes on."""
 
