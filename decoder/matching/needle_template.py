@@ -97,8 +97,8 @@ class NeedleTemplate:
         """By how many degrees the needle's middle line lies beside its axis; shrunk towards 0 where that is unclear.
 
         The middle line is halfway between both edges. If columns disagree about it, the needle's outline is not
-        symmetrical, and the offset is reduced by their scatter. If it is more than a quarter of the needle's width, the
-        line is not the middle of the needle that was meant, and the result is 0.
+        symmetrical, and the offset is reduced by their scatter. It counts as half of the needle's width at most: what
+        lies further beside may not be what was meant.
         """
         difference, contrast = self._difference
         clear = contrast >= HALF * contrast.max()
@@ -110,8 +110,7 @@ class NeedleTemplate:
             return 0.0
         line = float(median(middle))
         beside, spread = line - (self.rows - 1) / 2, MAD_TO_SIGMA * float(median(np.abs(middle - line)))
-        if abs(beside) > float(median(width)) / 4:
-            return 0.0
+        beside = math.copysign(min(abs(beside), HALF * float(median(width))), beside)
         return math.copysign(math.sqrt(max(beside**2 - spread**2, 0.0)), beside) * self.step_deg
 
     @cached_property
