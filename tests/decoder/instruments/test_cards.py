@@ -303,6 +303,45 @@ def test_ring_of_little_but_marks_is_never_read_a_numeral_off(
     check_settings(settings_deg, beside_px, 44)
 
 
+def draw_arc(turn_deg: float, seed: int = 0) -> GreyPicture:
+    """A card with a mark every five degrees, of which a plate with print on it leaves only the top."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.disc(CENTRE, 76.0, 60.0)
+        rng = np.random.default_rng(3)
+        for mark in range(72):
+            canvas.bar(mark * 5 + turn_deg, (61.0 if mark % 2 else 56.0, 68.0), (1.2, 1.2), 220.0)
+        for numeral in range(12):
+            for inner_px in (38.0, 43.0, 48.0):
+                half = rng.uniform(0.6, 2.0)
+                canvas.bar(
+                    numeral * 30 + turn_deg + rng.uniform(-3, 3), (inner_px, inner_px + 3.0), (half, half), 190.0
+                )
+        x, y = CENTRE
+        canvas.polygon([(x - 90, y - 22), (x + 90, y - 22), (x + 90, y + 90), (x - 90, y + 90)], 40.0)
+        for left in range(-60, 60, 20):
+            canvas.polygon(
+                [(x + left, y + 30), (x + left + 10, y + 30), (x + left + 10, y + 40), (x + left, y + 40)], 200.0
+            )
+        canvas.bar(INDEX_DEG, (0, 68), (0.8, 0.8), 235.0)
+
+    return paint(what, seed=seed)
+
+
+@pytest.mark.parametrize("off_px", [(0.0, 0.0), (1.5, -1.5), (-1.0, 2.0)], ids=["centred", "right", "below"])
+def test_card_of_which_an_arc_shows_is_never_read_a_numeral_off(off_px: tuple[float, float]) -> None:
+    """Its regular marks were taken for each other, and its numerals had no weight since they fitted at no turn."""
+    x, y = CENTRE
+    card = CARD | {"centre": [x + off_px[0], y + off_px[1]]}
+    turns_deg = [PANEL_TURN_DEG + 60.0 * math.sin(0.25 * number) for number in range(24)]
+    frames = [draw_arc(turn_deg, 100 + number) for number, turn_deg in enumerate(turns_deg)]
+    fitted = fit_to_flight(reader_for([card], draw_arc(PANEL_TURN_DEG, 1)), lambda _: frames).reader
+
+    found = [off_deg(fitted, draw_arc(turn_deg, 500), turn_deg) for turn_deg in turns_deg]
+
+    assert [off for status, off, _ in found if status is not Status.MISSING and off > 3.0] == []
+
+
 def draw_rose(turn_deg: float, seed: int = 0) -> GreyPicture:
     """Draws a compass rose, four like letters and faint figures between them, behind glass that mirrors a window."""
 

@@ -199,8 +199,11 @@ GREEN: Colour = (0.0, 120.0, 20.0)  # 73 levels of luma, and 74
 RED_LIGHT: Colour = (200.0, 22.0, 10.0)
 
 
-def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0) -> bytes:
-    """A JPEG of a red pointer on a teal track as bright, and of a lamp that is green, or red and as bright."""
+def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0, words: bool = False) -> bytes:
+    """A JPEG of a red pointer on a teal track as bright, and of a lamp that is green, or red and as bright.
+
+    With words, each colour has its own on it.
+    """
 
     def plane(place: int) -> np.ndarray:
         canvas = Canvas()
@@ -212,6 +215,8 @@ def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0) -> by
         canvas.polygon([(46, y), (58, y - 4.0), (58, y + 4.0)], RED[place])
         canvas.polygon([(145, 105), (179, 105), (179, 131), (145, 131)], 95.0)
         canvas.polygon([(150, 110), (174, 110), (174, 126), (150, 126)], (RED_LIGHT if is_red else GREEN)[place])
+        for x in range(153 + 2 * is_red, 172, 4) if words else ():
+            canvas.polygon([(x, 113), (x + 2, 113), (x + 2, 123), (x, 123)], 170.0)
         canvas.picture[:] = (canvas.picture * sun).astype(np.uint8)
         return finished(canvas, noise=2.0, blur=0.7, quality=98, seed=3 * seed + place)
 
@@ -219,16 +224,20 @@ def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0) -> by
     return jpeg.tobytes()
 
 
-def test_windows_in_which_luma_shows_no_change_are_read_in_their_colours() -> None:
-    """A lamp that turns from green to red was told to be off throughout, and a pointer to stay where it was drawn."""
+@pytest.mark.parametrize("words", [False, True], ids=["plain", "words"])
+def test_windows_in_which_luma_shows_no_change_are_read_in_their_colours(*, words: bool) -> None:
+    """A lamp that turns from green to red was told to be off throughout, and a pointer to stay where it was drawn.
+
+    So was a lamp with other words in each colour: luma showed a change, but not which.
+    """
     flaps_deg = [20.0 + 18.0 * math.sin(0.4 * number) for number in range(24)]
     red = [number // 5 % 2 == 1 for number in range(24)]
     shown = zip(flaps_deg, red, strict=True)
     jpegs = [
-        windows(flap, seed, is_red=is_red, sun=0.8 + 0.02 * (seed % 10))
+        windows(flap, seed, is_red=is_red, sun=0.8 + 0.02 * (seed % 10), words=words)
         for seed, (flap, is_red) in enumerate(shown, start=1)
     ]
-    fitted = fitted_of([LAMP, FLAPS], windows(10.0, 0, is_red=False), jpegs)
+    fitted = fitted_of([LAMP, FLAPS], windows(10.0, 0, is_red=False, words=words), jpegs)
     read = [each.readings for each in read_of(fitted, jpegs)]
     scale = Scale.of(fitted.panel.gauges[1].quantities[0].marks)
 

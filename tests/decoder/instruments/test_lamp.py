@@ -300,6 +300,26 @@ def test_a_card_over_it_for_a_while_costs_no_other_frame(*, lit: bool) -> None:
 
 
 @pytest.mark.parametrize("lit", [False, True])
+def test_words_that_change_without_a_change_of_light_are_no_known_state(*, lit: bool) -> None:
+    """A plate that showed other words, no brighter, was read to be in the panel picture's state throughout."""
+    lamp = LAMP.model_copy(update={"lit": lit})
+
+    def plate(seed: int, first: int) -> Floats:
+        frame = plain(70.0, seed=seed)
+        rows, columns = GRID.within
+        frame[rows.start + 4 : rows.stop - 4, columns.start + first : columns.stop : 6] += 60.0
+        return cv2.GaussianBlur(frame, (0, 0), 0.7).astype(np.float32)
+
+    others = [number // 3 % 2 for number in range(12)]
+    sampled = [plate(number + 1, 1 + 3 * other) for number, other in enumerate(others)]
+    taught = learn_lamp(lamp, GRID, sampled, first_lamp(lamp, GRID, plate(0, 1)))
+    found = [each[LAMP.name] for each in read(taught, *sampled, lamp=lamp)]
+
+    assert [each.status is Status.READ for each in found] == [not other for other in others]
+    assert all(each.angle_deg == float(lit) for each in found if each.status is Status.READ)
+
+
+@pytest.mark.parametrize("lit", [False, True])
 def test_glare_on_its_glass_is_no_light_of_its_own(*, lit: bool) -> None:
     """A sample's few frames of glare on black glass are missing or right, and all others are read."""
     lamp = Lamp(name="low_fuel_on", lit=lit)

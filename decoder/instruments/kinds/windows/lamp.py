@@ -126,6 +126,20 @@ class LampPicture:
         scores: Floats = np.sqrt(shown / (shown + self._unusual(added.left)))
         return scores
 
+    def alike(self, added: Added) -> Floats:
+        """(F,): how well the window's pixels, however bright, match the panel picture's.
+
+        A change of less than half the least light of a lamp is no other picture.
+        """
+        clear = added.is_clear(self.response).astype(np.float64)
+        drawn, seen = (each - _mean(each, clear)[:, None, None] for each in (added.expected, added.seen))
+        ours, both, theirs = (_mean(each, clear) for each in (drawn**2, drawn * seen, seen**2))
+        matched = np.square(np.maximum(both, 0.0)) / np.maximum(ours, np.finfo(np.float64).eps)
+        unlike = np.maximum(theirs - matched - NOISE_LEVELS**2, 0.0)
+        matched += np.square(HALF * DIMMEST_LEVELS)
+        alike: Floats = np.sqrt(matched / (matched + unlike))
+        return alike
+
     def unlike(self, added: Added) -> Floats:
         """(F, r, c): squared residuals of the window after fitting the lamp's light; 0 if its `shape` is unknown."""
         if self.shape is None:
@@ -188,6 +202,12 @@ class Added:
     def _expected(self, response: Floats | float) -> Floats:
         expected: Floats = self.expected + response * (self.gain - 1.0)[:, None, None]
         return expected
+
+
+def _mean(levels: Floats, weights: Floats) -> Floats:
+    """(F,): the weighted mean of windows (F, r, c); 0 where nothing has weight."""
+    mean: Floats = (levels * weights).sum(axis=(1, 2)) / np.maximum(weights.sum(axis=(1, 2)), 1.0)
+    return mean
 
 
 def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady: Floats) -> Added:
@@ -455,8 +475,11 @@ class LampReader:
         picture = self._picture
         added = added_light(self._grid, picture.drawn, strips, picture.steady)
         scores = np.where(_is_beyond(self._lamp, picture, added, -1), 0.0, picture.scores(added))
-        told = (picture.told(added), picture.sigmas(added), scores, *picture.between(added))
-        return [self._reading(*own) for own in zip(*(each.tolist() for each in told), strict=True)]
+        told, (least, most) = picture.told(added), picture.between(added)
+        # Words or colours may change in a window that is as bright as before.
+        scores = np.where(np.abs(told) <= HALF * least, np.minimum(scores, picture.alike(added)), scores)
+        columns = (told, picture.sigmas(added), scores, least, most)
+        return [self._reading(*own) for own in zip(*(each.tolist() for each in columns), strict=True)]
 
     def _reading(self, level: float, sigma: float, score: float, least: float, most: float) -> dict[str, Reading]:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
