@@ -343,8 +343,8 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
     If a frame were turned back by a wrong turn that looks alike, the result would be no card, or one printed twice. So
     frames are turned back by the turns on which all of them agree, and those for which another turn is nearly as likely
     are left out. The rest must share most of the result, which must match the panel picture at one place only.
-    All that changes must be the card, or needles over it: numerals that no turn explains show that regular marks were
-    taken for each other.
+    It must be seen most of the way round: in a short arc regular marks are taken for each other, and numerals have no
+    weight since they fit at no turn.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
     if len(lit) < FRAMES_TO_LEARN:
@@ -365,7 +365,7 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
             return given
         views = [(seen, turn.rows) for (seen, _), turn in zip(views, found, strict=True)]
         known = shared(views, known.weights)
-    if not gauge.needles and _explained(views, known.card) < SURE_SCORE:
+    if _part_of_way_round(views, known.card) < HALF:
         return given
     off = CardReader(gauge, grid, known).lit_turn(given.card)
     if float(known.weights.mean()) < HALF or off.score < LIKELY_SCORE or not off.is_alone:
@@ -393,19 +393,13 @@ def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None =
     return CardPicture(card, weights.astype(np.float32))
 
 
-def _explained(views: Sequence[tuple[Floats, float]], card: Floats) -> float:
-    """Return how well frames (P, C) match what the card, or what stands still there, shows at each place: an NCC.
-
-    Only what frames show beyond what they usually show counts, since fixed print matches at any turn.
-    """
+def _part_of_way_round(views: Sequence[tuple[Floats, float]], card: Floats) -> float:
+    """Return the part of the way round in which frames (P, C) change as the card does that turns by their rows."""
     seen = np.stack([strip for strip, _ in views])
-    still = np.square(seen - np.median(seen, axis=0))
-    of_card = np.square(seen - np.stack([turned(card, rows) for _, rows in views]))
-    is_card = of_card.mean(axis=0) < still.mean(axis=0)
-    left = float(np.median(np.where(is_card, of_card, still).mean(axis=(1, 2))))
-    noise = noise_between(seen) ** 2
-    moved = max(float(still.mean()) - noise, MIN_SPREAD_LEVELS**2)
-    return math.sqrt(min(max(1.0 - (left - noise) / moved, 0.0), 1.0))
+    changes = np.square(seen - np.median(seen, axis=0)).mean(axis=0)
+    left = np.square(seen - np.stack([turned(card, rows) for _, rows in views])).mean(axis=0)
+    is_card = (changes > (2 * noise_between(seen)) ** 2) & (left < changes)
+    return float(is_card.any(axis=1).mean())
 
 
 def _stands_still(views: Sequence[tuple[Floats, float]], card: Floats, grid: PolarGrid) -> Mask:
