@@ -56,6 +56,8 @@ TOGETHER = 6.0
 # All views share the shape's errors, so together they have no more information than one would, and samples have less
 # than their number suggests.
 ALIKE = 20.0
+# A place is read if this part of what it would show is known.
+MOSTLY_KNOWN = 0.75
 # How far a tape without an end is followed to either side, in windows.
 REACH_WINDOWS = 12
 # Up to this part of a sample's frames may show the same position without spoiling the test of what stands still.
@@ -219,10 +221,15 @@ class TapeFinder:
     def _places(self) -> Indices:
         """(N,): the rows at which to search: those where enough of what the window would show is known."""
         rows = np.arange(0, self._size, COARSE_STEP)
-        at = (rows[:, None] + np.arange(self._rows)) % self._size
+        return np.asarray(rows[self.part_known(rows) >= HALF])
+
+    def part_known(self, rows: Floats | Indices) -> Floats:
+        """(F,): how much of what the window would show is known if the tape has moved by rows (F,)."""
+        at = (np.rint(rows).astype(np.intp)[:, None] + np.arange(self._rows)) % self._size
         weights = self._picture.weights[:, ::COARSE_STEP]
-        part = (self._picture.known[:, ::COARSE_STEP][at] * weights).sum(axis=(1, 2)) / max(float(weights.sum()), 1e-9)
-        return np.asarray(rows[part >= HALF])
+        known = (self._picture.known[:, ::COARSE_STEP][at] * weights).sum(axis=(1, 2))
+        part: Floats = known / max(float(weights.sum()), 1e-9)
+        return part
 
     @cached_property
     def _is_apart(self) -> Mask:
@@ -583,7 +590,7 @@ def _still(windows: Sequence[Floats]) -> Floats:
 
     That is either an edge, or the inside of something that lies over the tape. The inside counts if its level differs
     from the rest along the window by more than the tape's levels usually change, and if it outweighs everything that
-    moves, since it would then match at every position.
+    moves, since it would then match at every position. So is all that it encloses.
     """
     views = np.stack(windows)
     middle = median_of(views)
@@ -603,7 +610,17 @@ def _still(windows: Sequence[Floats]) -> Floats:
         cv2.dilate(still.astype(np.float32), np.ones(reach, np.uint8))
         for still, reach in ((is_edge, (3, 1)), (is_over, (5, 5)))
     )
-    return np.asarray(np.maximum(*grown), np.float32)
+    return _with_enclosed(np.asarray(np.maximum(*grown), np.float32))
+
+
+def _with_enclosed(still: Floats) -> Floats:
+    """(along, across): also 1 where what stands still keeps a place from both ends, as the frame of a readout does.
+
+    The digits of a readout over the tape change, but not as the tape does.
+    """
+    _, labels = cv2.connectedComponents((still < HALF).astype(np.uint8), connectivity=4)
+    from_ends = np.isin(labels, np.union1d(labels[0], labels[-1])) & (still < HALF)
+    return np.where(from_ends, still, np.float32(1.0))
 
 
 class TapeReader:
@@ -618,7 +635,8 @@ class TapeReader:
         """Read F frames of its window, (F, R, C) as they are sampled.
 
         While part of a tape is unknown, that part may look like a known one, so a match must be better; and if two
-        known parts look alike, an unknown one may look like them too.
+        known parts look alike, an unknown one may look like them too. A place of which less than most is known is not
+        read: one or two numerals would decide. A tape to which no frame of the flight could be added is not read.
         """
         picture, drawn = self._picture, self._drawn
         windows = np.stack([picture.unroll(window) for window in drawn.along(strips)])
@@ -628,7 +646,8 @@ class TapeReader:
         a_pixel = picture.step / ROW_PX
         is_read = found.is_there & (found.score >= self._least)
         is_read &= 1.0 - rivals**2 > CLEARLY_WORSE * (1.0 - found.score**2)
-        is_read &= picture.is_whole | (rivals < SURE_SCORE)
+        is_read &= picture.is_whole | ((rivals < SURE_SCORE) & (self._finder.part_known(found.rows) >= MOSTLY_KNOWN))
+        is_read &= picture.is_learned
         readings = []
         for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
             moved = picture.moved(float(found.rows[number]))
