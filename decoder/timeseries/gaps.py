@@ -5,8 +5,9 @@ frames that were read, never beyond the first or the last of them. Frames in whi
 missing. The uncertainty grows towards the middle of the gap. It consists of how far the needle strays from such lines
 over equally long stretches elsewhere in the flight, and of the change that the speeds before and after do not explain;
 it is at most that of a guess. If the needle may have gone all the way round within the gap, the value is a guess as
-well; and if a needle was seen in fewer than half of the frames, a guess does not count as a value. If the refused match
-in a frame is a likely one, and continues in the frame before or after, the uncertainty covers its place too.
+well. If the refused match in a frame is a likely one, and continues in the frame before or after, the uncertainty
+covers its place too. A needle that was seen in fewer than half of the frames is not interpolated: where it stood may
+be why it was not seen, and then what was seen does not tell how it moves elsewhere.
 """
 
 from __future__ import annotations
@@ -192,7 +193,7 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
         known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
         between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])
         flagged = flagged[between & (flagged > known[0]) & (flagged < known[-1])]
-    if not known.size or not flagged.size:
+    if known.size < max(flagged.size, 1) or not flagged.size:
         return series
     wraps = series.quantity.wraps
     seen = series.value[known] if wraps is None else np.unwrap(series.value[known], period=wraps)
@@ -202,7 +203,7 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
     doubt = np.hypot(pinned, _bridge_sigma(seen, time_s[known], time_s[flagged]))
     if wraps is not None:
         doubt[_may_have_turned(seen, known, time_s, wraps)[np.searchsorted(known, flagged) - 1]] = NOWHERE
-    doubt = np.where(np.isfinite(doubt) | (known.size >= flagged.size), np.fmin(doubt, guess), NOWHERE)
+    doubt = np.fmin(doubt, guess)
     told = np.isfinite(doubt)
     flagged, doubt, line = flagged[told], doubt[told], np.interp(time_s[flagged[told]], time_s[known], seen)
     status[flagged] = CODE[Status.INTERPOLATED]

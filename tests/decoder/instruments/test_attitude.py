@@ -11,6 +11,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.imaging.unwrapping import PolarGrid, gauge_grid
+from decoder.instruments.kinds.dials.attitude import AttitudeReader, Attitudes, first_attitude, learn_attitude
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
@@ -366,3 +368,52 @@ def test_a_window_in_which_nothing_is_a_horizon_ends_no_decode() -> None:
     reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), frames)
 
     assert {reading.status for reading in read_picture(reader, frames[0]).readings.values()} == {Status.MISSING}
+
+
+SCREEN_DEG_PX = 10.0
+
+
+def covered(off_px: Floats, half_px: float) -> Floats:
+    """From 0 to 1: how much of a pixel lies within a line."""
+    return np.clip(half_px - np.abs(off_px) + 0.5, 0.0, 1.0)
+
+
+def screen(roll_deg: float, pitch_deg: float, grid: PolarGrid, seed: int) -> Floats:
+    """A large dial on a screen: sky hardly brighter than the ground, and lines of a hundredth of its width."""
+    x, y = grid.points().astype(np.float64) - 200.0
+    roll = math.radians(roll_deg)
+    right, up_px = x * math.cos(roll) - y * math.sin(roll), -x * math.sin(roll) - y * math.cos(roll)
+    above_px = up_px + pitch_deg * SCREEN_DEG_PX
+    levels = 64.0 + 6.0 * (above_px > 0) + 120.0 * covered(above_px, 1.5)
+    for deg in range(-40, 41, 5):
+        off_px, is_ten = above_px - deg * SCREEN_DEG_PX, deg % 10 == 0
+        levels += (deg != 0) * 120.0 * covered(off_px, 1.2) * covered(right, 110.0 if is_ten else 40.0)
+        blots = np.random.default_rng(1000 + deg).uniform(0.0, 120.0, 3)
+        for place, blot in enumerate(blots.tolist()):
+            levels += (deg != 0) * blot * covered(off_px, 6.0) * covered(right - 52.0 - 8.0 * place, 2.5)
+    levels = np.where((np.abs(y) < 3.0) & (np.abs(x) < 60.0), 190.0, levels)
+    noise = np.random.default_rng(seed).normal(0.0, 2.0, levels.shape)
+    return np.asarray(levels + noise, np.float32)
+
+
+def test_thin_lines_on_a_large_dial_are_found_between_the_steps_of_the_search() -> None:
+    """Half of the frames had been missing, and one was `read` ten degrees off, where the next line is."""
+    ladder = [[deg * SCREEN_DEG_PX, deg] for deg in (-10, -5, 0, 5, 10)]
+    attitude = {"roll": "roll_deg", "pitch": "pitch_deg", "window": 150, "ladder": ladder}
+    dial = {"name": "screen", "centre": [200, 200], "radius": [4, 150], "sweep": [0, 360], "wraps": 360}
+    gauge = Gauge.model_validate({**dial, "scale": [[270, 0], [450, 180]], "attitude": attitude})
+    own = Attitudes.of(gauge, gauge_grid(gauge))
+    flown = [(23.0 * math.sin(number / 3.0), 7.0 * math.sin(number / 2.3)) for number in range(16)]
+    strips = [screen(*both, own.grid, 10 + number) for number, both in enumerate(flown)]
+    picture = learn_attitude(own, strips, first_attitude(own, screen(0.0, 0.0, own.grid, 1), None), None)
+
+    shown = np.random.default_rng(4).uniform((-20.0, -7.0), (20.0, 7.0), (40, 2))
+    windows = np.stack([screen(*both, own.grid, 90 + number) for number, both in enumerate(shown.tolist())])
+    found = [pitch for _, pitch in AttitudeReader(own, picture, None).read(windows)]
+    is_read = np.array([one.status is Status.READ for one in found])
+    off_deg = (
+        Scale.of(own.own.ladder).values_at(np.array([one.angle_deg for one in found]) / own.a_pixel_deg) - shown[:, 1]
+    )
+
+    assert is_read.mean() >= 0.9
+    assert np.abs(off_deg[is_read]).max() < 0.5

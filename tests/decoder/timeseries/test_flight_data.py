@@ -165,16 +165,26 @@ def test_tape_that_goes_on_may_have_gone_beyond_its_marks_in_a_gap(document: dic
     document["gauges"].append(
         {"name": "tape", "window": corners, "tape": {"name": "alt_ft", "index": 50, "marks": marks}}
     )
-    true_ft = 1000.0 + np.concatenate([60.0 * np.arange(20), 60.0 * np.arange(20, 0, -1), np.zeros(5)])
+    flown_ft = np.concatenate([60.0 * np.arange(20), 60.0 * np.arange(20, 0, -1), np.zeros(5)])
+    true_ft = 1000.0 + np.concatenate([flown_ft, flown_ft[::-1], flown_ft])
+    gap = slice(94, 126)
     frames: list[Mapping[str, Reading]] = [
-        {"alt_ft": seen(value_ft) if frame < 4 or frame >= 36 else BAD}
+        {"alt_ft": BAD if gap.start <= frame < gap.stop else seen(value_ft)}
         for frame, value_ft in enumerate(true_ft.tolist())
     ]
     series = next(each for each in fill_gaps(fly(frames, content=document)).series if each.quantity.name == "alt_ft")
     bridged = series.has(Status.INTERPOLATED)
 
-    assert bridged[4:36].all()
+    assert bridged[gap].all()
     assert (np.abs(series.value - true_ft) <= 1.96 * series.sigma)[bridged].all()
+
+
+def test_nothing_is_interpolated_where_most_frames_are_not_read() -> None:
+    """Then where it stands decides whether it is read, as of a tape seen only near its place in the panel picture."""
+    true = 250.0 + 100.0 * np.sin(np.arange(120) / 8.0)
+    near = [seen(angle) if abs(angle - 250.0) < 40.0 else BAD for angle in true.tolist()]
+
+    assert set(statuses(speeds(near))) == {"r", "m"}
 
 
 def pair(al_deg: float, fr_deg: float, status: Status = Status.READ) -> dict[str, Reading]:

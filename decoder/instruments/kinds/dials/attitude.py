@@ -371,7 +371,7 @@ class _HorizonReader:
         if rival_score >= LIKELY_SCORE:  # the search is too coarse to compare places in
             other = self._fitted(thinned, rival, is_turn_known=turned_deg is not None)
             sight, other = sorted((sight, other), key=lambda each: -each.score)
-            rival_score = max(rival_score, other.score)
+            rival_score = rival_score if other is NOT_SEEN else other.score
         is_alone = 1.0 - rival_score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
         if turned_deg is None and sight.place.is_inverted:
             is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
@@ -477,7 +477,10 @@ class _Search:
         self._rows = len(self._weights)
         angles = np.radians(grid.angle_deg(0) + self._step_deg * np.arange(self._rows) - own.upright_deg)
         x, y = _around(angles, grid.radii_px[self._columns])
-        shown = np.stack([_sampled(horizon, x, y - down, grid.column_px) for down in self._downs_px])
+        # Both are softened to the search's steps, or lines thinner than a step would be missed between two of them.
+        step = float(self._step_px) / grid.column_px
+        soft = _softened(horizon, step / 2, step / 2)
+        shown = np.stack([_sampled(soft, x, y - down, grid.column_px) for down in self._downs_px])
         self._total = max(float(self._weights.sum()), 1.0)
         self._shown = shown.reshape(len(shown), -1).astype(np.float64)
         self._spectra = np.fft.rfft(shown, axis=1).conj()
@@ -531,7 +534,10 @@ class _Search:
         return np.clip(scores, -1.0, 1.0)
 
     def _thinned(self, strip: Floats) -> Floats:
-        thinned: Floats = strip[:: self._stride, self._columns]
+        around, across = self._stride, len(strip[0]) / len(self._columns)
+        wide = np.pad(strip, ((2 * around, 2 * around), (0, 0)), mode="wrap")
+        soft = _softened(wide, across / 2, around / 2)[2 * around : -2 * around]
+        thinned: Floats = soft[:: self._stride, self._columns]
         return thinned
 
     def _turned_sums(self, image: Floats, spectra: Spectra) -> Floats:
@@ -691,6 +697,11 @@ def _sampled(levels: Floats, x_px: Floats, y_px: Floats, cell_px: float) -> Floa
     """Sample a picture (H, W), or several as (H, W, K), at points relative to its middle."""
     height, width = levels.shape[:2]
     return _at(levels, np.dstack([x_px / cell_px + (width - 1) / 2, y_px / cell_px + (height - 1) / 2]))
+
+
+def _softened(levels: Floats, across: float, down: float) -> Floats:
+    """Blur a picture (H, W) by standard deviations in cells."""
+    return np.asarray(cv2.GaussianBlur(levels, (0, 0), sigmaX=across, sigmaY=down), np.float32)
 
 
 def _at(levels: Floats, cells: Floats) -> Floats:
