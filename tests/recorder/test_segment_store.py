@@ -553,6 +553,26 @@ def test_directory_of_a_missing_disk_is_not_made(start_daemon: StartDaemon, disk
     assert list(disk.path.iterdir()) == []
 
 
+@pytest.mark.parametrize("below", ["", "flights"])
+def test_directory_that_a_link_leads_to_is_waited_for(start_daemon: StartDaemon, tmp_path: Path, below: str) -> None:
+    """The link may lead to a disk that is not mounted yet; the log says which link it is."""
+    link, target = tmp_path / "link", tmp_path / "mounted" / "later"
+    link.symlink_to(target)
+    daemon = start_daemon(storage={"directory": str(link / below)})
+    daemon.flood(*(given := pictures(2)))
+    eventually(lambda: daemon.events("disk_failed"))
+    target.mkdir(parents=True)
+    daemon.clock.advance(60 * 10**9)
+    eventually(lambda: daemon.events("disk_back"))
+    outcome = daemon.finish()
+
+    assert daemon.events("disk_failed")[0]["reason"].endswith(
+        f"cannot be made: {link} leads to nothing that is there; bring the disk it leads to."
+    )
+    assert_all_accounted_for(daemon, given, dropped=0)
+    assert outcome.paths[0].parent.samefile(target / below)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("how", TAKEN)
 def test_file_in_work_that_is_taken_away_is_brought_back(start_box: Callable[..., Box], how: str) -> None:
