@@ -207,7 +207,7 @@ class Retention:
         waiting: MutableMapping[str, Recorded] | None = None,
         read: Callable[[Path], Recorded] = recorded,
     ) -> None:
-        self._directory = directory
+        self.directory = directory
         self._rules = rules
         self._free_bytes = free_bytes
         self._journal = journal
@@ -234,22 +234,22 @@ class Retention:
         if not disk_is_full and not self._is_short() and self._rules.max_ns is None:
             return False
         try:
-            segments = self._index.take(self._directory)
+            segments = self._index.take(self.directory)
         except OSError:
             return False  # a disk that is gone needs no room; the writer reports it
         try:
-            with Marks(self._directory, self._index.names) as marks:
+            with Marks(self.directory, self._index.names) as marks:
                 deleted = self._delete_oldest(segments, marks, disk_is_full=disk_is_full)
         except OSError as error:
             if self._is_new("marks_unknown"):
-                self._journal.log.warning("marks_unknown", directory=str(self._directory), reason=error.strerror)
+                self._journal.log.warning("marks_unknown", directory=str(self.directory), reason=error.strerror)
             return False
         self._said.discard("marks_unknown")
         self._index.say_unreadable()
         return deleted
 
     def _tidy_marks(self) -> None:
-        tidied, where = tidy_marks(self._directory), str(self._directory / MARKS_FOLDER)
+        tidied, where = tidy_marks(self.directory), str(self.directory / MARKS_FOLDER)
         for path in tidied.emptied:
             self._journal.log.warning("mark_too_large", path=str(path))
         if tidied.unusable and self._is_new("marks_unusable"):
@@ -280,7 +280,7 @@ class Retention:
             if name in self._index.unreadable:
                 continue
             try:
-                if self._delete(self._directory / name):
+                if self._delete(self.directory / name):
                     wanted, deleted = False, True
             except OSError as error:
                 refused[name] = error
@@ -298,7 +298,7 @@ class Retention:
         self._in_work = {recording: looks - 1 for recording, looks in self._in_work.items() if looks > 1}
         for name in (name for name in self._index.names if name.endswith(_IN_WORK) and name not in self._waiting):
             place = claimed_place(Path(name.removesuffix(BEGUN_SUFFIX)))
-            if place is not None and is_in_work(self._directory / name):
+            if place is not None and is_in_work(self.directory / name):
                 self._in_work[place[0]] = LOOKS
         newest: set[str] = set()
         for recording in self._in_work:
@@ -307,7 +307,7 @@ class Retention:
         return newest
 
     def _is_short(self) -> bool:
-        free = self._free_bytes(self._directory)
+        free = self._free_bytes(self.directory)
         return free is not None and free < self._rules.reserve_bytes
 
     def _delete(self, path: Path) -> bool:
@@ -337,7 +337,7 @@ class Retention:
         new = sorted(refused.keys() - self._refused)
         self._refused = (self._refused | refused.keys()) & self._index.names
         if new:
-            reason, where = refused[new[0]].strerror, str(self._directory)
+            reason, where = refused[new[0]].strerror, str(self.directory)
             named = new[:NAMED_AT_ONCE]
             self._journal.log.warning(
                 "segments_not_deleted", count=len(new), directory=where, names=named, reason=reason
