@@ -29,7 +29,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flight_file.errors import FlightFileError, NotAFlightError
+from flight_file.errors import FlightFileError, FlightNotWrittenError, NotAFlightError
 from flight_file.files import claimed
 from flight_file.frame import NS_PER_S
 from flight_file.records import DamagedRecordError
@@ -50,6 +50,7 @@ _OURS = re.compile(
 _Age = tuple[str, int, int, str]
 Recover = Callable[[Path], str]
 """Finishes one file in work; says in words what became of it, and raises FlightFileError."""
+FULL = (errno.ENOSPC, errno.EDQUOT)
 _ALL_REFUSED = (errno.EROFS, errno.EIO)  # a disk that refuses one deletion so refuses all
 _IN_WORK = (PART_SUFFIX, BEGUN_SUFFIX)
 _NICE = 10  # the camera and the disk go first
@@ -419,13 +420,10 @@ class Salvager(threading.Thread):
 
     def _salvage(self, path: Path) -> None:
         try:
-            if not self._has_room(path):
-                self._postponed.append(path)
-                with suppress(NotAFlightError):
-                    self._waiting[path.name] = recorded_so_far(path)
-                self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
+            became = self._recovered(path)
+            if became is None:
+                self._wait_for_room(path)
                 return
-            became = self._recover(path)
             self._waiting.pop(path.name, None)
         except FlightFileError as error:
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
@@ -438,6 +436,23 @@ class Salvager(threading.Thread):
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=reason)
         else:
             self._journal.log.warning("segment_salvaged", path=str(path), became=became)
+
+    def _recovered(self, path: Path) -> str | None:
+        """Recover a file; return what became of it, None if there is no room for that, or the quota is used up."""
+        if not self._has_room(path):
+            return None
+        try:
+            return self._recover(path)
+        except FlightNotWrittenError as error:
+            if isinstance(error.__cause__, OSError) and error.__cause__.errno in FULL:
+                return None
+            raise
+
+    def _wait_for_room(self, path: Path) -> None:
+        self._postponed.append(path)
+        with suppress(NotAFlightError):
+            self._waiting[path.name] = recorded_so_far(path)
+        self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
 
     def _has_room(self, path: Path) -> bool:
         # The copy needs as much room as the file has, and recording goes on meanwhile: require twice as much. A file in

@@ -34,14 +34,12 @@ from flight_file.frame import NS_PER_S, CameraStatus, ClockReading, Frame, Healt
 from flight_file.session import PART_SUFFIX, SEGMENT_SUFFIX
 from flight_file.writer import Remains
 from recorder.frame_queue import DELETED, NO_MEMORY, Drops
-from recorder.housekeeping import Retention
+from recorder.housekeeping import FULL, Retention
 from recorder.journal import Journal
 from recorder.marks import make_marks_folder
 from recorder.plan import with_free_name, with_free_number
 from recorder.supervision import BackOff
 from recorder.thresholds import DISK_AGAIN_S, TICK_S
-
-_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class DirectoryWatch:
@@ -364,7 +362,7 @@ class SegmentStore:
 
     def _in_trouble(self, failure: FlightNotWrittenError, at: ClockReading, *, may_go_on: bool = False) -> None:
         """Schedule the next attempt, at once if the disk `may_go_on`; raise the failure if there is to be none."""
-        freed = _strerror_and_number(failure)[1] in _FULL and self._retention.make_room(disk_is_full=True)
+        freed = _strerror_and_number(failure)[1] in FULL and self._retention.make_room(disk_is_full=True)
         if not self._retries_forever and not freed:
             raise failure
         wait_ns = 0 if freed or may_go_on else self._back_off.next_ns(DISK_AGAIN_S)
