@@ -20,6 +20,7 @@ from flight_file.frame import NS_PER_S, CameraStatus
 T = TypeVar("T")
 NO_THREAD = "the system has no thread left for it"
 NO_ANSWER = "no whole answer within its time"
+NO_MEMORY = "no memory is left for the answer"
 CRASHED = "the answer crashed the driver, whose traceback is in the log"
 
 
@@ -154,6 +155,8 @@ class Job(threading.Thread, Generic[T]):
             self._results.append(self._work())
         except CameraError as error:
             self._error = error
+        except MemoryError:
+            self._error = CameraSilentError(self._call, NO_MEMORY)
         finally:
             self.done.set()
 

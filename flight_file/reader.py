@@ -215,6 +215,15 @@ class Flight:
         """Losses found so far; complete after `frames` has been read to its end."""
         return list(self._losses)
 
+    def why_lost(self, attachment: str) -> str:
+        """Say in words why an attachment is not there; empty if the flight never carried it, or does."""
+        lacking = [segment for segment in self.segments if attachment in segment.lost_attachments]
+        if attachment in self.attachments or not lacking:
+            return ""
+        kinds = {loss.kind for segment in lacking for loss in segment.losses}
+        what = "is cut off before it is complete" if LossKind.TRUNCATED in kinds else "is damaged where it was"
+        return f"the flight file {what}; give the whole file, or another panel"
+
     def frames(self, part: range | None = None) -> Iterator[Frame]:
         """Iterate over the whole frames in the order they were recorded, or over those of a part.
 

@@ -53,6 +53,8 @@ class Segment:
         All checkpoints in the file, genuine or not (see `verification`).
     is_ours
         Whether it says that a recorder wrote it: profile `flight`.
+    lost_attachments
+        Names of attachments that it says it carries, but of which no undamaged copy is in it.
     places
         Offset and length of each record in the data section by opcode, bytes: what an index must list.
     end_of_data
@@ -69,6 +71,7 @@ class Segment:
     start_of_chain: str = ""
     checkpoints: tuple[Checkpoint, ...] = ()
     is_ours: bool = True
+    lost_attachments: tuple[str, ...] = ()
     places: Mapping[int, Sequence[tuple[int, int]]] = field(default_factory=dict)
     end_of_data: int | None = None
 
@@ -123,6 +126,7 @@ def segment_of(scan: FileScan) -> tuple[Segment, dict[str, bytes]]:
         start_of_chain=_start_of_chain(scan, session),
         checkpoints=tuple(scan.checkpoints),
         is_ours=scan.profile == PROFILE,
+        lost_attachments=tuple(name for name in _promised(scan) if name not in attachments),
         places=scan.places,
         end_of_data=scan.end_of_data,
     )
@@ -208,7 +212,7 @@ def _attachments(scan: FileScan, losses: list[Loss]) -> dict[str, bytes]:
         reason = "the list of attachments is damaged; they are checked by their CRCs alone"
         losses.append(Loss(scan.path, 0, 0, reason, LossKind.DAMAGED))
         return whole
-    promised = {name: digest for name, digest in record.items() if name != DIGEST_KEY}
+    promised = _promised(scan)
     for name in _unfitting(promised, whole):
         whole.pop(name, None)
         losses.append(Loss(scan.path, 0, 0, f"the attachment {name!r} is lost", LossKind.DAMAGED))
@@ -217,6 +221,11 @@ def _attachments(scan: FileScan, losses: list[Loss]) -> dict[str, bytes]:
         reason = f"the attachment {name!r} is not in the list of attachments"
         losses.append(Loss(scan.path, 0, 0, reason, LossKind.DAMAGED))
     return whole
+
+
+def _promised(scan: FileScan) -> dict[str, str]:
+    record = scan.metadata.get(ATTACHMENTS_RECORD, {})
+    return {name: digest for name, digest in record.items() if name != DIGEST_KEY} if is_sound(record) else {}
 
 
 def _unfitting(promised: Mapping[str, str], whole: Mapping[str, bytes]) -> list[str]:

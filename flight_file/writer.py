@@ -21,7 +21,7 @@ checkpoint are written one right after the other and synced together: everything
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -265,9 +265,9 @@ class SegmentWriter:
         at
             The recorder's clocks; a frame's log time follows the monotonic one and never goes back (see `LogClock`).
         """
+        self.unsynced += 1  # first, since whatever fails below leaves this frame unsynced
         if self._chunk_bytes + len(frame.encoded) > MAX_READ_BYTES:
             self._close_chunk()
-        self.unsynced += 1
         log_ns = self._log_clock.time_ns(at)
         publish_ns = storable(frame.captured_ns)
         number = frame.sequence & 0xFFFFFFFF
@@ -288,15 +288,15 @@ class SegmentWriter:
 
     def write_status(self, status: CameraStatus, at: ClockReading) -> None:
         """Store a change of the camera's state."""
-        self._report(STATUS_TOPIC, encode_status(status, at), at)
+        self._report(STATUS_TOPIC, lambda: encode_status(status, at), at)
 
     def write_health(self, health: Health, at: ClockReading) -> None:
         """Store a health report."""
-        self._report(HEALTH_TOPIC, encode_health(health, at), at)
+        self._report(HEALTH_TOPIC, lambda: encode_health(health, at), at)
 
     def write_log(self, line: LogLine, at: ClockReading) -> None:
         """Store a log line."""
-        self._report(LOG_TOPIC, encode_log(line, at), at)
+        self._report(LOG_TOPIC, lambda: encode_log(line, at), at)
 
     def tick(self, at: ClockReading) -> None:
         """Sync if it is time; call it about every second while no frames come."""
@@ -374,10 +374,10 @@ class SegmentWriter:
         self.unsynced = 0
         self._synced_chain = self.chain
 
-    def _report(self, topic: str, data: bytes, at: ClockReading) -> None:
+    def _report(self, topic: str, encode: Callable[[], bytes], at: ClockReading) -> None:
         self.unsynced += 1
         log_ns = self._log_clock.time_ns(at)
-        self._add(topic, data, log_ns, log_ns, 0)
+        self._add(topic, encode(), log_ns, log_ns, 0)
         self._sync_if_due(at)
 
     def _add(self, topic: str, data: bytes, log_ns: int, publish_ns: int, number: int) -> None:

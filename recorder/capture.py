@@ -1,6 +1,7 @@
 """The camera's thread: gets frames and hands them over, and never waits for the disk while the camera is live.
 
-    connect ──> frames ──> connect again, always            CameraError: soon, then less and less often
+    connect ──> frames ──> connect again, always            CameraError: soon, then less and less often; so if no
+                      │                                     memory is left, which is counted as a lost picture
                       └──> no more pictures, or stop        CameraUnusableError: seldom, for nobody is there to help
                       └──> the end with an error            ReplayError: a person started the replay, and sees it
 
@@ -29,12 +30,16 @@ from flight_file.frame import NS_PER_S, CameraStatus, ClockReading
 from flight_file.untrusted import shown
 from recorder.config import RecorderConfig
 from recorder.errors import ConfigurationError
-from recorder.frame_queue import STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
+from recorder.frame_queue import NO_MEMORY, STOPPED, Arrival, Drops, Ended, FrameQueue, Notice
 from recorder.host import Host, ReportingClock, SimulatedClock
 from recorder.supervision import LINE_CHARACTERS, BackOff, Heartbeats, Stop
 from recorder.thresholds import CAMERA_AGAIN_S, SAY_S, UNUSABLE_AGAIN_S
 
 NO_MORE_PICTURES = "no more pictures"
+_OUT_OF_MEMORY = (
+    "No memory is left for the camera, which is connected again; if it stays so, set smaller pictures, or end other"
+    " programs."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +175,7 @@ class Capture(threading.Thread):
         self._stop_request = stop
         self._back_off = BackOff()
         self._trouble = ""
+        self._is_connected = False
 
     def run(self) -> None:
         """Capture; an unexpected exception goes to stderr with its traceback, and the writer is told."""
@@ -183,24 +189,34 @@ class Capture(threading.Thread):
 
     def _capture(self) -> str:
         while not self._stop_request.is_requested:
-            try:
-                self._use_camera()
-            except ReplayError:
-                raise
-            except CameraError as failure:
-                self._say_lost(failure)
-                self._rest(
-                    self._back_off.next_ns(
-                        UNUSABLE_AGAIN_S if isinstance(failure, CameraUnusableError) else CAMERA_AGAIN_S
-                    )
-                )
-            else:
+            failure = self._failed_with()
+            if failure is None:
                 return self._stop_request.reason or NO_MORE_PICTURES
+            self._say_lost(failure)
+            self._rest(
+                self._back_off.next_ns(UNUSABLE_AGAIN_S if isinstance(failure, CameraUnusableError) else CAMERA_AGAIN_S)
+            )
         return self._stop_request.reason
+
+    def _failed_with(self) -> CameraError | None:
+        """Use the camera to the end; return what it failed with, if connecting again may help."""
+        self._is_connected = False
+        try:
+            self._use_camera()
+        except ReplayError:
+            raise
+        except CameraError as failure:
+            return failure
+        except MemoryError:  # not kept: its traceback holds on to what filled the memory
+            if self._is_connected:
+                self._drops.add(NO_MEMORY)
+            return CameraError(_OUT_OF_MEMORY)
+        return None
 
     def _use_camera(self) -> None:
         self._heartbeats.camera()
         with self._wiring.camera as camera:
+            self._is_connected = True
             self._say_capturing()
             while (frame := camera.next_frame(self._stop_request.event)) is not None:
                 self._heartbeats.camera()

@@ -13,6 +13,7 @@ from recorder.thresholds import LOOK_S, QUEUE_BYTES, QUEUE_FRAMES, WAITING_LINES
 QUEUE_FULL = "the disk is slower than the camera"
 DELETED = "somebody deleted the unfinished file that they were in"
 STOPPED = "stopped before there was room to store it"
+NO_MEMORY = "no memory was left for it"
 
 
 class Drops:

@@ -29,7 +29,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flight_file.errors import FlightFileError, NotAFlightError
+from flight_file.errors import FlightFileError, FlightNotWrittenError, NotAFlightError
 from flight_file.files import claimed
 from flight_file.frame import NS_PER_S
 from flight_file.records import DamagedRecordError
@@ -50,6 +50,7 @@ _OURS = re.compile(
 _Age = tuple[str, int, int, str]
 Recover = Callable[[Path], str]
 """Finishes one file in work; says in words what became of it, and raises FlightFileError."""
+FULL = (errno.ENOSPC, errno.EDQUOT)
 _ALL_REFUSED = (errno.EROFS, errno.EIO)  # a disk that refuses one deletion so refuses all
 _IN_WORK = (PART_SUFFIX, BEGUN_SUFFIX)
 _NICE = 10  # the camera and the disk go first
@@ -207,7 +208,7 @@ class Retention:
         waiting: MutableMapping[str, Recorded] | None = None,
         read: Callable[[Path], Recorded] = recorded,
     ) -> None:
-        self._directory = directory
+        self.directory = directory
         self._rules = rules
         self._free_bytes = free_bytes
         self._journal = journal
@@ -234,22 +235,22 @@ class Retention:
         if not disk_is_full and not self._is_short() and self._rules.max_ns is None:
             return False
         try:
-            segments = self._index.take(self._directory)
+            segments = self._index.take(self.directory)
         except OSError:
             return False  # a disk that is gone needs no room; the writer reports it
         try:
-            with Marks(self._directory, self._index.names) as marks:
+            with Marks(self.directory, self._index.names) as marks:
                 deleted = self._delete_oldest(segments, marks, disk_is_full=disk_is_full)
         except OSError as error:
             if self._is_new("marks_unknown"):
-                self._journal.log.warning("marks_unknown", directory=str(self._directory), reason=error.strerror)
+                self._journal.log.warning("marks_unknown", directory=str(self.directory), reason=error.strerror)
             return False
         self._said.discard("marks_unknown")
         self._index.say_unreadable()
         return deleted
 
     def _tidy_marks(self) -> None:
-        tidied, where = tidy_marks(self._directory), str(self._directory / MARKS_FOLDER)
+        tidied, where = tidy_marks(self.directory), str(self.directory / MARKS_FOLDER)
         for path in tidied.emptied:
             self._journal.log.warning("mark_too_large", path=str(path))
         if tidied.unusable and self._is_new("marks_unusable"):
@@ -280,7 +281,7 @@ class Retention:
             if name in self._index.unreadable:
                 continue
             try:
-                if self._delete(self._directory / name):
+                if self._delete(self.directory / name):
                     wanted, deleted = False, True
             except OSError as error:
                 refused[name] = error
@@ -298,7 +299,7 @@ class Retention:
         self._in_work = {recording: looks - 1 for recording, looks in self._in_work.items() if looks > 1}
         for name in (name for name in self._index.names if name.endswith(_IN_WORK) and name not in self._waiting):
             place = claimed_place(Path(name.removesuffix(BEGUN_SUFFIX)))
-            if place is not None and is_in_work(self._directory / name):
+            if place is not None and is_in_work(self.directory / name):
                 self._in_work[place[0]] = LOOKS
         newest: set[str] = set()
         for recording in self._in_work:
@@ -307,7 +308,7 @@ class Retention:
         return newest
 
     def _is_short(self) -> bool:
-        free = self._free_bytes(self._directory)
+        free = self._free_bytes(self.directory)
         return free is not None and free < self._rules.reserve_bytes
 
     def _delete(self, path: Path) -> bool:
@@ -337,7 +338,7 @@ class Retention:
         new = sorted(refused.keys() - self._refused)
         self._refused = (self._refused | refused.keys()) & self._index.names
         if new:
-            reason, where = refused[new[0]].strerror, str(self._directory)
+            reason, where = refused[new[0]].strerror, str(self.directory)
             named = new[:NAMED_AT_ONCE]
             self._journal.log.warning(
                 "segments_not_deleted", count=len(new), directory=where, names=named, reason=reason
@@ -419,13 +420,10 @@ class Salvager(threading.Thread):
 
     def _salvage(self, path: Path) -> None:
         try:
-            if not self._has_room(path):
-                self._postponed.append(path)
-                with suppress(NotAFlightError):
-                    self._waiting[path.name] = recorded_so_far(path)
-                self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
+            became = self._recovered(path)
+            if became is None:
+                self._wait_for_room(path)
                 return
-            became = self._recover(path)
             self._waiting.pop(path.name, None)
         except FlightFileError as error:
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
@@ -438,6 +436,23 @@ class Salvager(threading.Thread):
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=reason)
         else:
             self._journal.log.warning("segment_salvaged", path=str(path), became=became)
+
+    def _recovered(self, path: Path) -> str | None:
+        """Recover a file; return what became of it, None if there is no room for that, or the quota is used up."""
+        if not self._has_room(path):
+            return None
+        try:
+            return self._recover(path)
+        except FlightNotWrittenError as error:
+            if isinstance(error.__cause__, OSError) and error.__cause__.errno in FULL:
+                return None
+            raise
+
+    def _wait_for_room(self, path: Path) -> None:
+        self._postponed.append(path)
+        with suppress(NotAFlightError):
+            self._waiting[path.name] = recorded_so_far(path)
+        self._journal.log.warning("segment_not_salvaged", path=str(path), reason="there is no room for it now")
 
     def _has_room(self, path: Path) -> bool:
         # The copy needs as much room as the file has, and recording goes on meanwhile: require twice as much. A file in

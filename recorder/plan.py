@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -45,7 +46,7 @@ _LAST_S = 253_402_300_799  # 9999-12-31T23:59:59Z
 _NAME_FORMAT = "%Y%m%dT%H%M%SZ"
 _NAME = re.compile(r"(\d{8}T\d{6}Z)(-\d+)?", re.ASCII)
 _TAKEN_BY = ("", PART_SUFFIX, BEGUN_SUFFIX)
-_WRONG_NAME = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EINVAL)
+_WRONG_NAME = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP, errno.EINVAL)
 
 
 def gather_attachments(settings: AttachSettings, configuration: bytes) -> dict[str, bytes]:
@@ -189,8 +190,7 @@ def plan_recording(
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        reason = f"cannot be made ({error.strerror}); check storage.directory"
-        raise FlightNotWrittenError(directory, reason=reason) from error
+        raise FlightNotWrittenError(directory, reason=_why_not_made(error)) from error
     if wiring.live:
         # No error here: a full disk that has no room for this folder still has old recordings to delete, and `recorder
         # mark` reports it if the folder cannot be used.
@@ -207,6 +207,12 @@ def plan_recording(
         segment_frames=config.storage.segment_frames,
         signer=signer,
     )
+
+
+def _why_not_made(error: OSError) -> str:
+    if error.errno == errno.EEXIST:  # what was there at the start was no file: a link to a disk that is missing
+        return f"cannot be made: {error.filename} leads to nothing that is there; bring the disk it leads to"
+    return f"cannot be made ({error.strerror}); check storage.directory"
 
 
 def _session(recording: str, at: ClockReading, host: Host, wiring: Wiring) -> Session:
@@ -230,14 +236,27 @@ def _session(recording: str, at: ClockReading, host: Host, wiring: Wiring) -> Se
 def refuse_wrong_directory(directory: Path) -> None:
     """Raise ConfigurationError if the recordings can never go there; a missing disk may still be mounted."""
     try:
-        if directory.is_dir() or not directory.exists():
+        if stat.S_ISDIR(directory.stat().st_mode):
             return
         reason = "is no directory"
     except OSError as error:
         if error.errno not in _WRONG_NAME:
             return
-        reason = f"cannot be a directory ({error.strerror})"
+        reason = f"cannot be a directory: {_why_never(directory, error)}"
     raise ConfigurationError(f"storage.directory: {directory} {reason}; name one where recordings can go.")
+
+
+def _why_never(directory: Path, error: OSError) -> str:
+    """Say in words why a path can be no directory: which of the names on the way is no directory, or a circle."""
+    for part in reversed(directory.parents):
+        try:
+            if not stat.S_ISDIR(part.stat().st_mode):
+                return f"{part}, on the way there, is none"
+        except OSError as on_the_way:
+            if on_the_way.errno != errno.ELOOP:
+                break
+            return f"{part}, on the way there, is a link that leads in a circle"
+    return "it is a link that leads in a circle" if error.errno == errno.ELOOP else f"{error.strerror}"
 
 
 def with_free_number(plan: Plan) -> Plan:

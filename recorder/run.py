@@ -300,7 +300,7 @@ class _Run:
         writing.join(TICK_S)
         try:
             return writing.result()
-        except FlightNotWrittenError as failure:
+        except (FlightNotWrittenError, RecorderError) as failure:
             lost = self.store.unwritten_frames() + len(self.queue)
             self.journal.log.critical("recording_failed", reason=str(failure), unwritten_frames=lost)
             raise

@@ -2,6 +2,7 @@
 
     open ──write fails──> in trouble ──try again: soon, then less often──> open, with a new segment
                               full disk: the oldest segments go first
+                              no memory, even after a wait: the largest waiting frame is dropped and counted
 
 Data that are not certain to be on the disk are kept in memory (8 MiB or a second of them, see `flight_file.writer`) and
 written again into the new segment; the old one is cut to what is certain, so that each frame is stored once. A file in
@@ -32,15 +33,13 @@ from flight_file.flight_writer import FlightWriter, Plan
 from flight_file.frame import NS_PER_S, CameraStatus, ClockReading, Frame, Health, LogClock, LogLine
 from flight_file.session import PART_SUFFIX, SEGMENT_SUFFIX
 from flight_file.writer import Remains
-from recorder.frame_queue import DELETED, Drops
-from recorder.housekeeping import Retention
+from recorder.frame_queue import DELETED, NO_MEMORY, Drops
+from recorder.housekeeping import FULL, Retention
 from recorder.journal import Journal
 from recorder.marks import make_marks_folder
 from recorder.plan import with_free_name, with_free_number
 from recorder.supervision import BackOff
 from recorder.thresholds import DISK_AGAIN_S, TICK_S
-
-_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class DirectoryWatch:
@@ -190,6 +189,7 @@ class SegmentStore:
         self.trouble: DiskFailure | None = None
         self.recording = ""
         self.stored = 0
+        self.accepted = 0  # like `stored`, but what is lost later stays counted
         self.paths: list[Path] = []
 
     @property
@@ -210,9 +210,8 @@ class SegmentStore:
     def open(self, at: ClockReading) -> bool:
         """Open the first segment, or a new one after a failure if it is time to retry; return whether one is open."""
         if self._writer is None and (self.trouble is None or at.monotonic_ns >= self.trouble.again_ns):
-            try:
-                self._open(at)
-            except FlightNotWrittenError as failure:
+            failure = self._failed_with(lambda: self._open(at))
+            if failure is not None:
                 self._in_trouble(failure, at)
         self._hand_over(at)
         return self.is_open
@@ -229,6 +228,7 @@ class SegmentStore:
             self._status = what
         self._pending.append((what, at))
         self.stored += isinstance(what, Frame)
+        self.accepted += isinstance(what, Frame)
         self._hand_over(at)
 
     def remark(self, reason: str, at: ClockReading) -> None:
@@ -323,21 +323,46 @@ class SegmentStore:
         writer = self._writer
         if writer is None:
             return
-        try:
-            action(writer)
-        except FlightNotWrittenError as failure:
-            self._forget_synced(writer)
-            self._in_trouble(failure, at, may_go_on=writer.is_gone)
-            self._set_aside(writer)
-        else:
-            self._forget_synced(writer)
+        failure = self._failed_with(lambda: action(writer))
+        self._forget_synced(writer)
+        if failure is None:
             if writer.finished:
                 self._collect(writer)
                 self._retention.make_room()
+            return
+        if self.trouble is not None and _lacks_memory(failure) and _lacks_memory(self.trouble.failure):
+            self._drop_largest()
+        self._in_trouble(failure, at, may_go_on=writer.is_gone)
+        self._set_aside(writer)
+
+    def _failed_with(self, action: Callable[[], object]) -> FlightNotWrittenError | None:
+        """Do what needs the disk and memory; return what it failed with, if only trying again may help."""
+        try:
+            action()
+        except FlightNotWrittenError as failure:
+            return failure
+        except MemoryError:  # not kept: its traceback holds on to what filled the memory
+            why = os.strerror(errno.ENOMEM)
+        else:
+            return None
+        reason = f"cannot be written ({why}); set smaller pictures, or end other programs"
+        lacking = FlightNotWrittenError(self._retention.directory, reason=reason)
+        lacking.__cause__ = OSError(errno.ENOMEM, why)
+        return lacking
+
+    def _drop_largest(self) -> None:
+        """Drop the largest frame that the writer got: it may be one for which there is never enough memory."""
+        handed = (what for what, _ in itertools.islice(self._pending, self._handed))
+        sizes = {place: len(what.encoded) for place, what in enumerate(handed) if isinstance(what, Frame)}
+        if sizes:
+            del self._pending[max(sizes, key=sizes.__getitem__)]
+            self._handed -= 1
+            self.stored -= 1
+            self._drops.add(NO_MEMORY)
 
     def _in_trouble(self, failure: FlightNotWrittenError, at: ClockReading, *, may_go_on: bool = False) -> None:
         """Schedule the next attempt, at once if the disk `may_go_on`; raise the failure if there is to be none."""
-        freed = _strerror_and_number(failure)[1] in _FULL and self._retention.make_room(disk_is_full=True)
+        freed = _strerror_and_number(failure)[1] in FULL and self._retention.make_room(disk_is_full=True)
         if not self._retries_forever and not freed:
             raise failure
         wait_ns = 0 if freed or may_go_on else self._back_off.next_ns(DISK_AGAIN_S)
@@ -405,6 +430,10 @@ def _names_for(part: Path) -> Iterator[Path]:
     for number in itertools.count(1):
         recovered = ".recovered" if number == 1 else f".recovered-{number}"
         yield part.with_name(stem + recovered + SEGMENT_SUFFIX + PART_SUFFIX)
+
+
+def _lacks_memory(failure: FlightNotWrittenError) -> bool:
+    return _strerror_and_number(failure)[1] == errno.ENOMEM
 
 
 def _strerror_and_number(failure: FlightNotWrittenError) -> tuple[str, int]:

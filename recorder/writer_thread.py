@@ -16,7 +16,7 @@ from flight_file.errors import FlightNotWrittenError
 from flight_file.frame import CONNECTION_STATES, NS_PER_S, CameraStatus, ClockReading, Health
 from recorder.capture import Wiring
 from recorder.errors import RecorderError
-from recorder.frame_queue import Arrival, Drops, Ended, FrameQueue, Item, Notice
+from recorder.frame_queue import NO_MEMORY, Arrival, Drops, Ended, FrameQueue, Item, Notice
 from recorder.host import WallClock, jump_in_words
 from recorder.journal import Journal
 from recorder.segment_store import Remark, SegmentStore
@@ -65,11 +65,18 @@ class Recording:
 
     def store(self, arrival: Arrival) -> None:
         """Store a frame, or count it as dropped if no reader would find it."""
-        self._check_wall_clock(arrival.at)
-        if objection := arrival.frame.objection:
+        objection, accepted = arrival.frame.objection, self._store.accepted
+        try:
+            self._check_wall_clock(arrival.at)
+            if not objection:
+                self._store.put(arrival.frame, arrival.at)
+        except MemoryError:
+            if self._store.accepted == accepted:
+                self._drops.add(NO_MEMORY)
+            raise
+        if objection:
             self._drops.add(objection)
         else:
-            self._store.put(arrival.frame, arrival.at)
             self._arrivals_ns.append(arrival.at.monotonic_ns)
         self._report(arrival.at)
 
@@ -81,6 +88,10 @@ class Recording:
         log = self._journal.log.warning if status.state == "lost" else self._journal.log.info
         log("camera_status", state=status.state, reason=status.reason)
         self._store.put(status if status.state in CONNECTION_STATES else Remark(status), notice.at)
+
+    def say_no_memory(self) -> None:
+        """Log that something could not be done; a frame that this cost is counted already."""
+        self._journal.log.error("out_of_memory")
 
     def say_lost_notices(self, count: int) -> None:
         """Log how many notices of the camera found no room in the queue."""
@@ -182,6 +193,7 @@ class WriterThread(threading.Thread):
         self._stop_request = stop
         self._heartbeats = heartbeats
         self._patience_s = PATIENCE_S
+        self._in_hand: Item | None = None
         self._ended: Ended | None = None
         self._failure: FlightNotWrittenError | None = None
         self.done = threading.Event()
@@ -228,18 +240,32 @@ class WriterThread(threading.Thread):
             waited_s += TICK_S
         return None
 
-    def _until_end(self, item: Item | None) -> Ended:
+    def _until_end(self, first: Item | None) -> Ended:
+        self._in_hand = first
         while True:
-            self._heartbeats.disk()
-            if not self._has_open_segment():
-                continue
-            if item is None:
-                item = self._queue.take(TICK_S)
-            self._recording.say_lost_notices(self._queue.take_lost_notices())
-            ended = item if isinstance(item, Ended) else self._handle(item)
+            try:
+                ended = self._step()
+            except MemoryError:
+                if not self._wiring.live:
+                    raise
+                ended = None
+                self._stop_request.event.wait(LOOK_S)
+                self._recording.say_no_memory()
             if ended is not None:
                 return ended
-            item = None
+
+    def _step(self) -> Ended | None:
+        """Store the next item, if there is one."""
+        self._heartbeats.disk()
+        if not self._has_open_segment():
+            return None
+        if self._in_hand is None:
+            self._in_hand = self._queue.take(TICK_S)
+        self._recording.say_lost_notices(self._queue.take_lost_notices())
+        if isinstance(self._in_hand, Ended):
+            return self._in_hand
+        item, self._in_hand = self._in_hand, None
+        return self._handle(item)
 
     def _finish(self, ended: Ended) -> None:
         """Close the last segment, however long the disk fails, unless somebody has asked to stop."""

@@ -90,12 +90,20 @@ class LiveCamera:
             The configuration cannot be used.
         """
         self._source = self._connect(Waiter(self._clock, self._reporter), self._notes, self._missed)
+        try:
+            self._begin(self._source)
+        except BaseException:
+            self._source.close()
+            self._source = None
+            raise
+        return self
+
+    def _begin(self, source: Source) -> None:
         self._trouble = None
         self._frozen.begin()
-        self.identity = self._source.identity
+        self.identity = source.identity
         self._heard_ns = self._said_ns = self._now_ns()
         self._notes.say("connected", f"{self.identity.model or 'a camera'}: {self.identity.note}")
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None, /

@@ -142,8 +142,11 @@ class ReplayCamera:
         ReplayError
             The picture cannot be read.
         """
-        upcoming = next(self._pictures, None)
-        if upcoming is None or stop.is_set():
-            return None
-        self._clock.wait_until(self._opened_ns + upcoming.captured_ns - self._source.start_ns, stop)
-        return None if stop.is_set() else upcoming.take(self._clock)
+        try:
+            upcoming = next(self._pictures, None)
+            if upcoming is None or stop.is_set():
+                return None
+            self._clock.wait_until(self._opened_ns + upcoming.captured_ns - self._source.start_ns, stop)
+            return None if stop.is_set() else upcoming.take(self._clock)
+        except MemoryError:  # another connection would begin with the first picture again
+            raise ReplayError("No memory is left for the next picture; end other programs.") from None

@@ -36,7 +36,7 @@ from camera_drivers.reporter import Reporter
 from camera_drivers.rtsp.options import RtspSettings, with_credentials
 from camera_drivers.rtsp.times import Stamps, StreamTimes
 from camera_drivers.thresholds import CLOSE_S, LOOK_S, MAX_WAITING_PICTURES, SAY_S
-from camera_drivers.waiting import Notes, Waiter, begin
+from camera_drivers.waiting import NO_MEMORY, Notes, Waiter, begin
 from flight_file.frame import NS_PER_S, ClockReading
 from flight_file.thresholds import MAX_CHUNK_BYTES
 from flight_file.video.groups import has_parameter_sets
@@ -206,6 +206,8 @@ class _Reader(threading.Thread):
             failure = CameraError(_sentence(error.strerror))
         except CameraError as error:
             failure = error
+        except MemoryError:
+            failure = CameraError(_sentence(NO_MEMORY))
         finally:
             self._close()
         self._put(failure)

@@ -166,7 +166,7 @@ def _truth(
 def _panel(flight: Flight, panel_file: Path | None) -> str:
     """Name the panel in words; raises PanelMissing if there is none."""
     if panel_file is None and PANEL_FILE not in flight.attachments:
-        raise PanelMissing(str(flight.paths[0]))
+        raise PanelMissing(str(flight.paths[0]), flight.why_lost(PANEL_FILE))
     return "the panel it carries" if panel_file is None else str(panel_file)
 
 

@@ -196,8 +196,15 @@ def panel_from_file(path: Path) -> PanelPictures:
     return _load(text, read, str(path))
 
 
-def panel_from_attachments(attachments: Mapping[str, bytes], *, flight: str) -> PanelPictures:
+def panel_from_attachments(
+    attachments: Mapping[str, bytes], *, flight: str, why_lost: Callable[[str], str] = lambda _name: ""
+) -> PanelPictures:
     """Read the panel in a flight file.
+
+    Parameters
+    ----------
+    why_lost
+        Says why an attachment is not there, empty if the flight never carried it; see `Flight.why_lost`.
 
     Raises
     ------
@@ -208,7 +215,7 @@ def panel_from_attachments(attachments: Mapping[str, bytes], *, flight: str) -> 
     def read(name: str) -> bytes:
         plain = str(PurePosixPath(name))
         if plain not in attachments:
-            raise FileNotFoundError(0, "the flight file does not carry it")
+            raise FileNotFoundError(0, why_lost(plain) or "the flight file does not carry it")
         return attachments[plain]
 
     return _load(attachments[PANEL_FILE], read, f"{PANEL_FILE} in {flight}")

@@ -69,11 +69,11 @@ class MappingError(DescriptionError):
 
 
 class PanelMissing(PanelError):
-    """Neither the flight file nor the command line brings a panel."""
+    """Neither the flight file nor the command line brings a panel; `why_lost` if the flight file did."""
 
-    def __init__(self, flight: str) -> None:
-        draw = f"decode setup {shlex.quote(flight)}"
-        super().__init__("", f"it carries no panel; draw one with {draw}, and name it with --panel", source=flight)
+    def __init__(self, flight: str, why_lost: str = "") -> None:
+        draw = f"it carries no panel; draw one with decode setup {shlex.quote(flight)}, and name it with --panel"
+        super().__init__("", f"its panel cannot be read: {why_lost}" if why_lost else draw, source=flight)
 
 
 class PictureError(DecoderError):

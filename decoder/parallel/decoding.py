@@ -235,8 +235,8 @@ def _panel(flight: Flight, panel_file: Path | None) -> PanelPictures:
     if panel_file is not None:
         return panel_from_file(panel_file)
     if PANEL_FILE not in flight.attachments:
-        raise PanelMissing(str(flight.paths[0]))
-    return panel_from_attachments(flight.attachments, flight=flight.paths[0].name)
+        raise PanelMissing(str(flight.paths[0]), flight.why_lost(PANEL_FILE))
+    return panel_from_attachments(flight.attachments, flight=flight.paths[0].name, why_lost=flight.why_lost)
 
 
 def _camera(flight: Flight, camera_file: Path | None) -> tuple[Camera | None, SourceFile | None]:

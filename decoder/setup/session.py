@@ -319,8 +319,8 @@ def _opened(source: PictureSource, panel_file: Path | None) -> tuple[str, dict[s
         pictures = {name: read_named_in(panel_file, name) for name in panel.pictures}
         return str(panel_file), parse_yaml(read_yaml_file(panel_file)), pictures
     attachments = source.flight.attachments if isinstance(source, FlightSource) else {}
-    if PANEL_FILE in attachments:
-        panel = panel_from_attachments(attachments, flight=source.name).panel
+    if PANEL_FILE in attachments and isinstance(source, FlightSource):
+        panel = panel_from_attachments(attachments, flight=source.name, why_lost=source.flight.why_lost).panel
         pictures = {name: attachments[name] for name in panel.pictures if name in attachments}
         return f"{PANEL_FILE} in {source.name}", parse_yaml(attachments[PANEL_FILE]), pictures
     return "", None, {}

@@ -103,6 +103,19 @@ def test_picture_larger_than_a_flight_takes_is_one_sentence(
         played(folder, clock=clock)
 
 
+def test_replay_for_which_no_memory_is_left_is_one_sentence(
+    folder: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It does not begin again with the first picture, as a camera would."""
+
+    def wait(*_arguments: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(clock, "wait_until", wait)
+    with pytest.raises(ReplayError, match="No memory is left for the next picture; end other programs"):
+        played(folder, rate_hz=4.0, clock=clock)
+
+
 def test_damaged_picture_is_passed_on_and_a_vanished_one_is_one_sentence(folder: Path, clock: SimulatedClock) -> None:
     """A recorder records: what is no picture is stored all the same, without a size. When stopped it gives no more."""
     stop = threading.Event()

@@ -272,6 +272,25 @@ def test_what_is_done_is_told_from_the_first_second(make_flight: MakeFlight, pic
     assert told[-2:] == ["", "frames"]
 
 
+@pytest.mark.parametrize(
+    ("attachment", "problem"),
+    [
+        ("panel.jpg", "picture: panel.jpg cannot be read: the flight file is cut off"),
+        ("panel.yaml", "its panel cannot be read: the flight file is cut off"),
+    ],
+)
+def test_flight_cut_before_its_panel_is_complete_says_so(tmp_path: Path, attachment: str, problem: str) -> None:
+    """It is not said that the flight never carried it, which would let people look elsewhere."""
+    whole, content = A1.read_bytes(), open_flight([A1]).attachments[attachment]
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: whole.index(content) + len(content) // 2])
+    done = ran("decode", cut, "-o", tmp_path / "out")
+
+    assert done.returncode == 1
+    assert f"{problem} before it is complete; give the whole file, or another panel" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
 def test_flight_without_a_panel_says_how_to_draw_one(tmp_path: Path, pictures: list[bytes]) -> None:
     """The command that draws one is named with the flight's own path, however it is called."""
     photographs, flight = tmp_path / "photographs", tmp_path / "my flight.mcap"

@@ -262,6 +262,25 @@ def test_damaged_attachment_is_not_delivered_and_is_taken_from_another_segment(
     assert open_flight(paths).attachments["panel.yaml"] == b"name: F-16\n"
 
 
+def test_lost_attachment_is_told_from_one_that_never_was(flight: Path) -> None:
+    """Cut off, damaged, or never carried."""
+    whole = open_flight([flight])
+    name, content = next(iter(whole.attachments.items()))
+    data = flight.read_bytes()
+    place = data.index(content)
+    flight.write_bytes(data[:place] + bytes(len(content)) + data[place + len(content) :])
+    damaged = open_flight([flight])
+    flight.write_bytes(data[: place + len(content) // 2])
+    cut = open_flight([flight])
+
+    assert [each.why_lost(name).partition(";")[0] for each in (whole, damaged, cut)] == [
+        "",
+        "the flight file is damaged where it was",
+        "the flight file is cut off before it is complete",
+    ]
+    assert cut.why_lost("another") == ""
+
+
 def test_damaged_session_record_is_replaced_by_the_name(flight: Path) -> None:
     """A session record that does not fit its digest is not believed: the file's name says which recording it is."""
     flip(flight, b"camera_driver")

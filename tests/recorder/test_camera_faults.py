@@ -8,7 +8,7 @@ from benchmarks.recorders import eventually
 from camera_drivers.errors import CameraError, CameraUnusableError
 from flight_file.reader import open_flight
 from recorder.thresholds import CAMERA_AGAIN_S, UNUSABLE_AGAIN_S
-from tests.recorder.helpers import StartDaemon
+from tests.recorder.helpers import PuppetCamera, StartDaemon
 
 GONE = CameraError("The camera does not answer; check that it is on.")
 
@@ -36,6 +36,34 @@ def test_camera_is_connected_again_for_ever(start_daemon: StartDaemon) -> None:
         ("finished", "stopped by the test"),
     ]
     assert [event["level"] for event in daemon.events("camera_status")].count("warning") == 3
+
+
+def test_camera_for_which_no_memory_is_left_is_connected_again(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While connecting and while a picture is fetched; the picture that this cost is counted, in the flight too."""
+    connect, failures = PuppetCamera.__enter__, [MemoryError()]
+
+    def connect_later(camera: PuppetCamera) -> PuppetCamera:
+        if failures:
+            raise failures.pop()
+        return connect(camera)
+
+    monkeypatch.setattr(PuppetCamera, "__enter__", connect_later)
+    daemon = start_daemon()
+    daemon.feed(b"one")
+    daemon.camera.fail(MemoryError())
+    daemon.feed(b"two")
+    outcome = daemon.finish()
+    states = [(entry["state"], entry["reason"]) for entry in daemon.messages("/camera/status")]
+
+    assert [frame.encoded for frame in daemon.frames()] == [b"one", b"two"]
+    assert [reason.partition(";")[0] for state, reason in states if state == "lost"] == [
+        "No memory is left for the camera, which is connected again"
+    ] * 2
+    assert ("capturing", "puppet (after 1 failed attempt)") in states
+    assert outcome.dropped == 1
+    assert daemon.events("frames_dropped")[-1]["by_reason"] == {"no memory was left for it": 1}
 
 
 @pytest.mark.parametrize(

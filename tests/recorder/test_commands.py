@@ -178,7 +178,7 @@ def test_info_of_what_is_no_flight_is_one_sentence(tmp_path: Path) -> None:
     ("blocks", "code", "sentence"),
     [
         ({"storage": {"segment_s": -1}}, 78, "storage.segment_s: "),
-        ({"storage": {"directory": "recorder.yaml/flights"}}, 1, "check storage.directory"),
+        ({"storage": {"directory": "recorder.yaml/flights"}}, 78, "recorder.yaml, on the way there, is none; name"),
         ({"camera": {"path": ".", "rate_hz": None}}, 78, "Error: camera.path: "),
         ({"camera": {"path": "none", "rate_hz": None}}, 78, "there is no such file"),
         ({"evidence": {"key": "none.key"}}, 78, "Error: evidence.key: "),

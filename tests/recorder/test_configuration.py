@@ -239,7 +239,10 @@ def write(path: Path, content: str | bytes) -> Path:
             "storage.directory: value error, ~ is no home here; write the whole",
         ),
         (CAMERA + "storage: {directory: " + "x" * 300 + "}", "storage.directory"),
-        (CAMERA + "storage: {directory: pictures/000.jpg}", "storage.directory"),
+        (CAMERA + "storage: {directory: pictures/000.jpg}", "000.jpg is no directory; name one where"),
+        (CAMERA + "storage: {directory: pictures/000.jpg/a/b}", "pictures/000.jpg, on the way there, is none; name"),
+        (CAMERA + "storage: {directory: circle}", "circle cannot be a directory: it is a link that leads in a circle;"),
+        (CAMERA + "storage: {directory: circle/a}", "circle, on the way there, is a link that leads in a circle; name"),
         (CAMERA + STORAGE + "attach: {panel: /dev/zero}", "attach.panel"),
         (CAMERA + STORAGE + "attach: {camera: pictures}", "attach.camera"),
         (CAMERA + STORAGE + "attach: {panel: bomb.yaml}", "bomb.yaml"),
@@ -256,6 +259,8 @@ def test_wrong_configuration_is_one_sentence(
     """Nothing is recorded, nothing is waited for, and no traceback is seen."""
     assert pictures.is_dir()
     os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "circle").symlink_to("round")
+    (tmp_path / "round").symlink_to("circle")
     write(tmp_path / "bomb.yaml", BOMB)
     write(tmp_path / "null_picture.yaml", 'picture: "a\\0b"')
     path = write(tmp_path / "recorder.yaml", content)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from benchmarks.recorders import eventually
 from camera_drivers.qx10.options import Qx10Settings
-from flight_file.errors import NothingToRecoverError
+from flight_file.errors import FlightNotWrittenError, NothingToRecoverError
 from flight_file.files import DurableFile, claimed
 from flight_file.reader import open_flight
 from flight_file.records import DamagedRecordError
@@ -553,6 +553,35 @@ def test_what_cannot_be_salvaged_is_said_and_tried_again_when_there_is_room(
     assert reasons[0] == "there is no room for it now"
     assert "nothing that was recorded" in reasons[1]
     assert reasons[2] == "No such file or directory"
+
+
+@pytest.mark.parametrize("number", [errno.EDQUOT, errno.ENOSPC])
+def test_file_that_a_quota_leaves_no_room_for_is_salvaged_later(
+    tmp_path: Path, segment: bytes, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """Though the disk says that it has room; until then it is known to wait, so that it ages like any other."""
+    monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
+    part = tmp_path / "20180504T120000Z_0000.mcap.part"
+    part.write_bytes(segment[:-100])
+    refused, waited = [1, 2], list[bool]()
+    log, waiting = io.StringIO(), dict[str, Recorded]()
+
+    def recover(path: Path) -> str:
+        waited.append(path.name in waiting)
+        if refused:
+            refused.pop()
+            reason = "cannot be written"
+            raise FlightNotWrittenError(path, reason=reason) from OSError(number, os.strerror(number))
+        return "recovered"
+
+    salvager = Salvager(recover, free_bytes=lambda _path: 10**9, journal=Journal(log), waiting=waiting)
+    salvager.start()
+    salvager.submit(part)
+    eventually(lambda: "segment_salvaged" in log.getvalue())
+
+    assert waited == [False, True, True]
+    assert log.getvalue().count("there is no room for it now") == 2
+    assert waiting == {}
 
 
 def test_disk_that_does_not_say_what_is_there_ends_no_salvage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ import pytest
 
 from benchmarks.harm import HARMED, TAKEN, Disk, FailingDisk, take_away
 from benchmarks.recorders import PATIENCE_S, Box, eventually
-from flight_file import files
+from flight_file import files, writer
 from flight_file.errors import FlightNotWrittenError
 from flight_file.files import DurableFile
 from flight_file.flight_writer import Plan
@@ -30,11 +30,13 @@ from flight_file.verification import Verdict, verify
 from recorder import supervision
 from recorder.errors import RecorderError
 from recorder.frame_queue import DELETED, Drops, Ended
+from recorder.host import SimulatedClock, fixed_host
 from recorder.housekeeping import Retention, Rules
 from recorder.journal import Journal
+from recorder.run import record
 from recorder.segment_store import SegmentStore
 from recorder.thresholds import QUEUE_BYTES
-from tests.recorder.helpers import Daemon, StartDaemon, WriteConfig
+from tests.recorder.helpers import Configure, Daemon, StartDaemon, WriteConfig
 
 FRAMES = 60
 STEP_NS = 300_000_000
@@ -111,7 +113,9 @@ class Moody:
         return error
 
 
-def make_store(directory: Path, left: list[Path], *, retries_forever: bool = True) -> SegmentStore:
+def make_store(
+    directory: Path, left: list[Path], *, retries_forever: bool = True, drops: Drops | None = None
+) -> SegmentStore:
     """A store of short segments; what it leaves in work is noted."""
     journal = Journal(io.StringIO())
     return SegmentStore(
@@ -119,7 +123,7 @@ def make_store(directory: Path, left: list[Path], *, retries_forever: bool = Tru
         status=CameraStatus("capturing"),
         retention=Retention(directory, Rules(0, 10**18, 10**18), free_bytes=lambda _path: None, journal=journal),
         retries_forever=retries_forever,
-        drops=Drops(),
+        drops=drops or Drops(),
         journal=journal,
         left_behind=left.append,
     )
@@ -428,6 +432,136 @@ def test_disk_that_fails_for_a_while(start_daemon: StartDaemon, monkeypatch: pyt
     assert check.verdict is not Verdict.FAULT
 
 
+def lacking_memory(monkeypatch: pytest.MonkeyPatch, lacks: Callable[[Any], bool], place: str = "encode_image") -> None:
+    """Let no memory be left for some frames or reports, where they are made ready to be written."""
+    encode = getattr(writer, place)
+
+    def short_of_memory(what: object, *more: object) -> bytes:
+        if lacks(what):
+            raise MemoryError
+        return bytes(encode(what, *more))
+
+    monkeypatch.setattr(writer, place, short_of_memory)
+
+
+@pytest.mark.parametrize("place", ["encode_frame", "encode_image"])
+def test_memory_that_is_full_for_a_moment_costs_no_picture(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    """It is waited for as for a disk; each picture is stored once, in order, and the chain goes on."""
+    lacking = [True]
+    given = pictures(9)
+    daemon = start_daemon()
+    daemon.feed(*given[:5])
+    lacking_memory(monkeypatch, lambda _frame: bool(lacking and lacking.pop()), place)
+    daemon.flood(*given[5:7])
+    eventually(lambda: daemon.events("disk_back") and not len(daemon.queue))
+    daemon.feed(*given[7:])
+    eventually(lambda: daemon.events("segment_salvaged"))
+    outcome = daemon.finish()
+    (check,) = verify(sorted(daemon.directory.glob("*.mcap")))
+
+    assert (outcome.stored, outcome.dropped) == (9, 0)
+    assert_all_accounted_for(daemon, given, dropped=0)
+    assert check.verdict is not Verdict.FAULT
+    assert "cannot be written (Cannot allocate memory); set smaller pictures" in reasons(daemon)
+
+
+def test_replay_for_which_no_memory_is_left_is_one_error(configure: Configure, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody started it, and sees what it says."""
+    lacking_memory(monkeypatch, lambda frame: bool(frame.sequence == 20))
+    with pytest.raises(FlightNotWrittenError, match="Cannot allocate memory"):
+        record(configure(), host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()))
+
+
+def test_picture_for_which_there_is_never_enough_memory_is_dropped_and_counted(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After it was tried again; the pictures around it are stored."""
+    given = [*pictures(3), bytes(2 * SIZE), *pictures(3)]
+    lacking_memory(monkeypatch, lambda frame: len(frame.encoded) > SIZE)
+    daemon = start_daemon()
+    daemon.flood(*given)
+    eventually(lambda: daemon.events("disk_back") and not len(daemon.queue))
+    outcome = daemon.finish()
+
+    assert (outcome.stored, outcome.dropped) == (6, 1)
+    assert_all_accounted_for(daemon, given, dropped=1)
+    assert daemon.events("frames_dropped")[-1]["by_reason"] == {"no memory was left for it": 1}
+
+
+def test_picture_that_the_writers_thread_has_no_memory_for_is_counted(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also before it is handed to the disk; the recording goes on."""
+    put, given = SegmentStore.put, pictures(3)
+
+    def short_of_memory(store: SegmentStore, what: object, at: ClockReading) -> None:
+        if isinstance(what, Frame) and what.encoded == given[1]:
+            raise MemoryError
+        put(store, what, at)  # type: ignore[arg-type]  # what it gets
+
+    monkeypatch.setattr(SegmentStore, "put", short_of_memory)
+    daemon = start_daemon()
+    daemon.feed(*given)
+    outcome = daemon.finish()
+
+    assert (outcome.stored, outcome.dropped) == (2, 1)
+    assert_all_accounted_for(daemon, given, dropped=1)
+    assert daemon.events("out_of_memory")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_crash_of_the_writers_thread_says_how_many_pictures_it_cost(
+    start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that it had begun to write, and those that waited for it."""
+
+    def crash(_frame: Frame) -> bytes:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(writer, "encode_image", crash)
+    daemon = start_daemon()
+    daemon.camera.show(*pictures(1))
+    with pytest.raises(RecorderError, match="writer's thread crashed"):
+        daemon.over.result(PATIENCE_S)
+
+    assert daemon.events("recording_failed")[0]["unwritten_frames"] == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_each_frame_is_there_once_or_counted_whatever_the_memory_fails_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Beside a disk that fails now and then; only a second failure in a row costs a frame."""
+    left: list[Path] = []
+    chance = random.Random(seed)  # noqa: S311 - no secrets
+    with monkeypatch.context() as patched:
+        moody = Moody(patched, random.Random(seed), part=0.05)  # noqa: S311 - no secrets
+        for place in ("encode_frame", "encode_image", "encode_status"):
+            lacking_memory(patched, lambda _frame: chance.random() < moody.part, place)
+        drops = Drops()
+        store = make_store(tmp_path, left, drops=drops)
+        for number in range(FRAMES):
+            while not store.try_now(at(number)):
+                pass
+            store.put(frame(number, 100_000), at(number))
+            store.put(CameraStatus("capturing", str(number)), at(number))
+        moody.part = 0.0
+        while not store.try_now(at(FRAMES)):
+            pass
+        store.finish("stopped", at(FRAMES))
+    for path in left:
+        if path.exists():
+            recover_segment(path, at=at(FRAMES))
+    paths = sorted(tmp_path.iterdir())
+    numbers = [frame.sequence for frame in open_flight(paths).frames()]
+
+    assert numbers == sorted(set(numbers))
+    assert len(numbers) == store.stored == FRAMES - drops.total
+    assert verify(paths)[0].verdict is not Verdict.FAULT
+
+
 def test_stop_while_the_disk_fails_is_an_error(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is tried once more; then the run ends with a sentence, and the log counts what was not written."""
     failing = FailingDisk(monkeypatch.setattr)
@@ -551,6 +685,26 @@ def test_directory_of_a_missing_disk_is_not_made(start_daemon: StartDaemon, disk
         daemon.finish()
 
     assert list(disk.path.iterdir()) == []
+
+
+@pytest.mark.parametrize("below", ["", "flights"])
+def test_directory_that_a_link_leads_to_is_waited_for(start_daemon: StartDaemon, tmp_path: Path, below: str) -> None:
+    """The link may lead to a disk that is not mounted yet; the log says which link it is."""
+    link, target = tmp_path / "link", tmp_path / "mounted" / "later"
+    link.symlink_to(target)
+    daemon = start_daemon(storage={"directory": str(link / below)})
+    daemon.flood(*(given := pictures(2)))
+    eventually(lambda: daemon.events("disk_failed"))
+    target.mkdir(parents=True)
+    daemon.clock.advance(60 * 10**9)
+    eventually(lambda: daemon.events("disk_back"))
+    outcome = daemon.finish()
+
+    assert daemon.events("disk_failed")[0]["reason"].endswith(
+        f"cannot be made: {link} leads to nothing that is there; bring the disk it leads to."
+    )
+    assert_all_accounted_for(daemon, given, dropped=0)
+    assert outcome.paths[0].parent.samefile(target / below)
 
 
 @pytest.mark.slow

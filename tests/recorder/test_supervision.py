@@ -179,8 +179,8 @@ def test_disk_that_answers_with_errors_is_alive(
 ) -> None:
     """Starting again would not help; the status says what is wrong."""
     monkeypatch.setattr(supervision, "SILENCE_S", 1e9)  # this clock runs ahead while the writer tries again
-    (tmp_path / "file").touch()
-    start_daemon(address=listener.address, storage={"directory": str(tmp_path / "file" / "flights")})
+    (tmp_path / "link").symlink_to("missing")
+    start_daemon(address=listener.address, storage={"directory": str(tmp_path / "link" / "flights")})
     eventually(lambda: listener.hears("STATUS=The disk fails"))
     listener.forget()
     eventually(lambda: listener.hears("WATCHDOG=1"))

@@ -125,6 +125,16 @@ def test_answer_that_crashes_the_driver_is_no_answer() -> None:
         job.outcome()
 
 
+def test_answer_that_no_memory_is_left_for_is_none() -> None:
+    """It is the failure of one call, without a traceback."""
+    job = Job("test", lambda: bytes(2**62))
+    job.start()
+
+    assert job.done.wait(10)
+    with pytest.raises(CameraSilentError, match="no memory is left for the answer"):
+        job.outcome()
+
+
 def test_stop_ends_a_call(strangers: Strangers, link: Link) -> None:
     """A call that hangs is left when stopping is asked for."""
     threading.Timer(0.1, link.waiter.stop.set).start()

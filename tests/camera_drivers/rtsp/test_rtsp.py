@@ -9,8 +9,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
-from itertools import count, pairwise
+from itertools import count, islice, pairwise
 from pathlib import Path
+from typing import Any
 
 import av
 import pytest
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraError, CameraUnusableError
 from camera_drivers.live.camera import LiveCamera
+from camera_drivers.rtsp import stream
 from camera_drivers.rtsp.options import RtspSettings, checked_address
 from camera_drivers.rtsp.stream import NO_KEY_FRAME, rtsp_camera
 from camera_drivers.rtsp.times import Stamps, StreamTimes
@@ -162,6 +164,25 @@ def test_camera_is_left_and_connected_again(units: dict[str, list[bytes]], serve
     assert [frame.sequence for frame in [*first, *second]] == list(range(30))
     assert show.requests.count("PLAY") == 2
     assert show.requests.count("SETUP") == 2
+
+
+def test_stream_for_which_no_memory_is_left_is_an_error_at_once(
+    units: dict[str, list[bytes]], serve: Serve, listener: Listener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It need not stand still first; what came before it is there."""
+    read = stream._units
+
+    def short_of_memory(*arguments: Any) -> Iterator[Any]:  # noqa: ANN401 - as they are
+        yield from islice(read(*arguments), 3)
+        raise MemoryError
+
+    monkeypatch.setattr(stream, "_units", short_of_memory)
+    with driver(serve(Show(units["h264"], step_s=STEP_S)), listener, stall_s=60) as camera:
+        first = [camera.next_frame(threading.Event()) for _ in range(3)]
+        with pytest.raises(CameraError, match="no memory is left"):
+            camera.next_frame(threading.Event())
+
+    assert None not in first
 
 
 def test_pictures_before_the_first_key_frame_are_counted(

@@ -261,6 +261,27 @@ def test_stamp_that_is_no_time_of_this_clock_is_not_believed(
     assert bench.listener.reasons("clock") == ["the kernel's times of the pictures are unusable; their arrival is used"]
 
 
+def test_camera_is_let_go_of_if_no_memory_is_left_to_say_that_it_is_connected(
+    bench: Bench, jpegs: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Held open, it would be busy for the next connection, and so for ever."""
+
+    def report(_status: object) -> None:
+        raise MemoryError
+
+    camera = bench.camera()
+    with monkeypatch.context() as patched:
+        patched.setattr(bench.listener, "report", report)
+        with pytest.raises(MemoryError):
+            camera.__enter__()
+    (first,) = bench.webcam.opened
+    bench.webcam.shoots(jpegs[0])
+
+    assert first.closed
+    with camera:
+        assert camera.next_frame(threading.Event()) is not None
+
+
 def test_stop_is_noticed_while_no_picture_comes(bench: Bench) -> None:
     """None comes back, not an error."""
     stop = threading.Event()
