@@ -225,11 +225,17 @@ class TapeFinder:
 
     def part_known(self, rows: Floats | Indices) -> Floats:
         """(F,): how much of what the window would show is known if the tape has moved by rows (F,)."""
-        at = (np.rint(rows).astype(np.intp)[:, None] + np.arange(self._rows)) % self._size
-        weights = self._picture.weights[:, ::COARSE_STEP]
-        known = (self._picture.known[:, ::COARSE_STEP][at] * weights).sum(axis=(1, 2))
-        part: Floats = known / max(float(weights.sum()), 1e-9)
-        return part
+        return self._parts_known[np.rint(rows).astype(np.intp) % self._size]
+
+    @cached_property
+    def _parts_known(self) -> Floats:
+        """(P,): the same for every row of the tape."""
+        known, weights = self._picture.known[:, ::COARSE_STEP], self._picture.weights[:, ::COARSE_STEP]
+        window = np.zeros(known.shape)
+        np.add.at(window, np.arange(self._rows) % self._size, weights)
+        spectra = np.fft.rfft(known, axis=0) * np.fft.rfft(window, axis=0).conj()
+        parts: Floats = np.fft.irfft(spectra.sum(axis=1), self._size) / max(float(weights.sum()), 1e-9)
+        return parts
 
     @cached_property
     def _is_apart(self) -> Mask:
@@ -549,22 +555,24 @@ _LAID = ("rows", "sigma_rows", "score", "gains", "lights", "is_there")
 def _composed(picture: TapePicture, strips: Floats, where: Laid) -> tuple[Floats, Mask]:
     """Return the whole tape (P, C) as views (K, R, C) show it, and which of its cells (P, C) they show."""
     size, (rows, columns) = len(picture.levels), picture.weights.shape
-    levels, weights = (np.zeros((len(strips), size, columns), np.float32) for _ in range(2))
     facing = _facing(picture.weights)
     first = np.floor(where.rows).astype(np.intp)
     part = (where.rows - first).astype(np.float32)[:, None, None]
     lit = (strips - where.lights) / where.gains
-    at = (first[:, None] + 1 + np.arange(rows - 1)) % size
+    # Most of a tape without an end is never seen: only the rows that are take room.
+    seen, at = np.unique((first[:, None] + 1 + np.arange(rows - 1)) % size, return_inverse=True)
     every = np.arange(len(strips))[:, None]
+    levels, weights = (np.zeros((len(strips), len(seen), columns), np.float32) for _ in range(2))
     levels[every, at] = part * lit[:, :-1] + (1 - part) * lit[:, 1:]
     weights[every, at] = np.minimum(facing[:-1], facing[1:])
     mean = _mean(levels, weights)
     off = np.abs(levels - mean)
     spread = np.sqrt(_mean(off**2, weights))
     agreed = weights * (off <= OUTLIER_SPREADS * np.maximum(spread, NOISE_LEVELS) / 2)
-    middle = np.where(agreed.any(axis=0), _mean(levels, agreed), mean)
-    known: Mask = 2 * weights.max(axis=0) > _facing(np.array(HALF))
-    return middle.astype(np.float32), known
+    whole, known = np.zeros((size, columns), np.float32), np.zeros((size, columns), bool)
+    whole[seen] = np.where(agreed.any(axis=0), _mean(levels, agreed), mean)
+    known[seen] = 2 * weights.max(axis=0) > _facing(np.array(HALF))
+    return whole, known
 
 
 def _facing(weights: Floats) -> Floats:
