@@ -58,6 +58,48 @@ def test_tip_is_read_whatever_the_tail(tail_px: float, sweep: tuple[float, float
     assert max(errors) < 0.4
 
 
+def draw_vibrating(angle_deg: float, seed: int, most_px: float = 2.5) -> GreyPicture:
+    """An arrow with a tail as long as its tip, on a dial that vibration shows some pixels aside."""
+    aside_px = np.random.default_rng(1000 + seed).uniform(-most_px, most_px, 2)
+    centre = (CENTRE[0] + float(aside_px[0]), CENTRE[1] + float(aside_px[1]))
+    form = Hand(tip=58.0, tail=58.0, root_half=4.5, tip_half=1.6, tail_half=3.0, centre=centre)
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 30), centre)
+        canvas.hand(form, angle_deg)
+        canvas.bar(angle_deg, (47.0, 57.0), (4.5, 0.5), form.level, centre)
+
+    return paint(what, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_vibration_turns_no_needle_around(seed: int) -> None:
+    """Cut a pixel or two beside the centre, a needle resembles its reverse more than itself on the other side."""
+    gauge = {
+        "name": "bearing",
+        "radius": [15, 60],
+        "sweep": [270, 630],
+        "tail": True,
+        "wraps": 360,
+        "scale": [[270, 0], [630, 360]],
+        "needles": [{"name": "bearing_deg", "template": {"at": 312.0, "span": 16}}],
+    }
+    # It is seen about one bearing most of the time.
+    bearings_deg = np.random.default_rng(seed).normal(350.0, 25.0, 40).tolist()
+    frames = [draw_vibrating(each, 100 * seed + number) for number, each in enumerate(bearings_deg[:16])]
+    reader = reader_for([gauge], draw_vibrating(312.0, 7000 + seed), frames)
+
+    shown = enumerate(bearings_deg[16:])
+    found = [
+        (read_picture(reader, draw_vibrating(each, 5000 + 100 * seed + number)).readings["bearing_deg"], each)
+        for number, each in shown
+    ]
+
+    assert [
+        each for reading, each in found if reading.status is Status.READ and apart(reading.angle_deg, each) > 90
+    ] == []
+
+
 GAUGE: dict[str, Any] = {
     "name": "itt",
     "radius": [20, 66],

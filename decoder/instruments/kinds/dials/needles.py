@@ -9,7 +9,7 @@ do not depend on the other frames in the batch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from decoder.instruments.found import EDGE, HIDDEN, MISSING, READ, Found, Needle
 from decoder.instruments.kinds.dials.pairs import TouchingPair
 from decoder.instruments.kinds.dials.stack import StackReader
+from decoder.instruments.kinds.dials.tip_or_tail import View, facing
 from decoder.instruments.sampling import GaugeSampler, Levels, Samples
 from decoder.instruments.thresholds import APART_DEG, CLEARLY_WORSE, SATURATED_LEVEL
 from decoder.matching.correlation import xcorr
@@ -118,6 +119,7 @@ class NeedleReader:
         peaks = self._peaks(scores, scores if self._method is Method.NORMXCORR else self._products(gauges))
         found = self._settled(frames, peaks)
         self._doubt_rivals(frames, peaks, found)
+        self._doubt_directions(frames, found)
         self._look_through_light(frames, found)
         for pair in range(len(self._pairs)):
             self._read_pair(frames, pair, peaks, found)
@@ -205,6 +207,25 @@ class NeedleReader:
             left = 1.0 - np.maximum(np.nan_to_num(rival.score), 0.0) ** 2
             is_as_good = left <= CLEARLY_WORSE * (1.0 - found.score[at] ** 2)
             found.status[at[0][is_as_good], at[1][is_as_good]] = MISSING
+
+    def _doubt_directions(self, frames: Sequence[Samples], found: Found) -> None:
+        """Mark needles with tails as missing whose tips are not clearly ahead, whichever side of the centre they pass.
+
+        A frame that vibrates shows a dial some pixels aside, and a dial may be drawn beside its centre. Half a turn on,
+        that is the other side: there a needle may match its reverse far better than itself. Nothing is learned from
+        such a frame, so `row` becomes NaN.
+        """
+        for index, needle in enumerate(self._needles):
+            if needle.turn_rows is None or not needle.grid.tail_columns:
+                continue
+            # Where frames vibrate little can be trusted, least of all the tip; here all of it counts.
+            whole = replace(needle.template, trust=np.ones_like(needle.template.trust))
+            for number in np.flatnonzero(found.status[:, index] == READ).tolist():
+                (seen,) = self._sampler.strips([frames[number]], needle.gauge_index)
+                view = View(seen, needle.face, np.ones_like(seen))
+                towards = facing(view, whole, needle.grid, round(float(found.row[number, index])))
+                if not towards.is_clear or towards.ahead < 0.0:
+                    found.status[number, index], found.row[number, index] = MISSING, np.nan
 
     def _look_through_light(self, frames: Sequence[Samples], found: Found) -> None:
         """Fit again, together with uneven light, needles that stand alone but match less well than they should."""
