@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import subprocess
-import sys
 from pathlib import Path
 
 from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
+from tests.programs import ran
 
 HERE = Path(__file__).parent
 FLIGHTS = sorted((HERE.parents[1] / "fixtures").glob("*.mcap"))
@@ -39,8 +38,7 @@ def replayed_flight_data(flight: Path, folder: Path) -> Path:
         }
     )
     outcome = record(config, host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()), name=flight.stem)
-    decode = [str(Path(sys.executable).parent / "decode"), *map(str, outcome.paths), "-o", str(folder)]
-    subprocess.run(decode, check=True, capture_output=True)
+    ran("decode", *outcome.paths, "-o", folder).check_returncode()
     return folder / f"{flight.stem}.csv"
 
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 import logging
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import cv2
@@ -86,8 +88,26 @@ def is_there() -> bool:
     return all(find_spec(package) is not None for package in PACKAGES)
 
 
+@contextmanager
+def _engine() -> Iterator[Any]:
+    """Lend a recognizer that nobody else uses: one keeps what it is reading. It takes one thread, as all we call."""
+    idle = _idle_engines()
+    try:
+        engine = idle.get_nowait()
+    except Empty:
+        engine = _new_engine()
+    try:
+        yield engine
+    finally:
+        idle.put(engine)
+
+
 @cache
-def _engine() -> Any:  # noqa: ANN401 - of a package that may be absent
+def _idle_engines() -> SimpleQueue[Any]:
+    return SimpleQueue()
+
+
+def _new_engine() -> Any:  # noqa: ANN401 - of a package that may be absent
     from rapidocr import RapidOCR  # noqa: PLC0415 - an extra, and half a second
 
     before = logging.root.manager.disable
@@ -98,7 +118,7 @@ def _engine() -> Any:  # noqa: ANN401 - of a package that may be absent
                 "Global.max_side_len": 1 << 15,
                 "Global.log_level": "critical",
                 "Global.use_cls": False,
-                "EngineConfig.onnxruntime.intra_op_num_threads": 2,
+                "EngineConfig.onnxruntime.intra_op_num_threads": 1,
             }
         )
     finally:
@@ -113,7 +133,8 @@ def seen_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
     more = [int(each) // 2 for each in lacking.clip(0)]
     level = int(np.median(shown))
     shown = cv2.copyMakeBorder(shown, more[0], more[0], more[1], more[1], cv2.BORDER_CONSTANT, value=level)
-    found = _engine()(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
+    with _engine() as engine:
+        found = engine(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
     if found.boxes is None:
         return []
     return [
