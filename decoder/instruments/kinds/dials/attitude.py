@@ -371,7 +371,7 @@ class _HorizonReader:
         if rival_score >= LIKELY_SCORE:  # the search is too coarse to compare places in
             other = self._fitted(thinned, rival, is_turn_known=turned_deg is not None)
             sight, other = sorted((sight, other), key=lambda each: -each.score)
-            rival_score = rival_score if other is NOT_SEEN else other.score
+            rival_score = other.score or rival_score  # it is 0 where nothing could be fitted
         is_alone = 1.0 - rival_score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
         if turned_deg is None and sight.place.is_inverted:
             is_alone = is_alone and self._knows(self._own.upside_down(sight.place))

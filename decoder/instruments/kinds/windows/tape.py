@@ -56,8 +56,6 @@ TOGETHER = 6.0
 # All views share the shape's errors, so together they have no more information than one would, and samples have less
 # than their number suggests.
 ALIKE = 20.0
-# A place is read if this part of what it would show is known.
-MOSTLY_KNOWN = 0.75
 # How far a tape without an end is followed to either side, in windows.
 REACH_WINDOWS = 12
 # Up to this part of a sample's frames may show the same position without spoiling the test of what stands still.
@@ -654,7 +652,7 @@ class TapeReader:
         a_pixel = picture.step / ROW_PX
         is_read = found.is_there & (found.score >= self._least)
         is_read &= 1.0 - rivals**2 > CLEARLY_WORSE * (1.0 - found.score**2)
-        is_read &= picture.is_whole | ((rivals < SURE_SCORE) & (self._finder.part_known(found.rows) >= MOSTLY_KNOWN))
+        is_read &= picture.is_whole | ((rivals < SURE_SCORE) & (self._finder.part_known(found.rows) >= 1.0 - HALF**2))
         is_read &= picture.is_learned
         readings = []
         for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
