@@ -28,7 +28,15 @@ from decoder.outputs.csv_output import moment_text, read_back
 from decoder.outputs.json_output import Provenance, SourceFile
 from decoder.outputs.outputs import Decoded, output_name, planned_files, write_all
 from decoder.panel.camera import Camera, parse_camera
-from decoder.panel.errors import CameraError, DecoderError, OutputError, PanelMissing, PictureError, TableError
+from decoder.panel.errors import (
+    CameraError,
+    DecoderError,
+    OutputError,
+    PanelError,
+    PanelMissing,
+    PictureError,
+    TableError,
+)
 from decoder.panel.lens import Lens
 from decoder.panel.vocabulary import CAMERA_FILE, PANEL_FILE, Method
 from decoder.parallel.flights import FleetFlight
@@ -64,7 +72,7 @@ def decoded_flight(
     `part` says which, by default all; `columns` describes columns in addition to the panel.
     """
     cv2.setNumThreads(1)  # a frame is too little work to split, and one thread gives the same bytes everywhere
-    with threadpool_limits(1), _stages(is_shown=shown is None) as tell:
+    with threadpool_limits(1), _stages(is_shown=shown is None) as tell, _named(panel_file):
         tell("reads the panel")
         camera, camera_source = _camera(flight, camera_file)
         source = replace(_panel(flight, panel_file), camera=camera)
@@ -189,6 +197,17 @@ def progress(words: str, frames: int) -> Progress:
         yield from tqdm(through, total=frames, desc=words, unit=" frames", disable=None, leave=False)
 
     return shown
+
+
+@contextmanager
+def _named(panel_file: Path | None) -> Iterator[None]:
+    """Name the file in what is found wrong with a panel once its pictures are looked at."""
+    try:
+        yield
+    except PanelError as error:
+        if panel_file is None or error.source != PANEL_FILE:
+            raise
+        raise PanelError(error.path, error.problem, source=str(panel_file)) from error
 
 
 @contextmanager

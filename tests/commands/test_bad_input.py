@@ -49,6 +49,11 @@ def no_picture(_: Panel, picture: Path) -> None:
     picture.unlink()
 
 
+def gauge_outside(panel: Panel, _: Path) -> None:
+    """A gauge that is drawn where there is no picture."""
+    panel["gauges"][0]["centre"] = [5000, 5000]
+
+
 def another_cockpit(panel: Panel, picture: Path) -> None:
     """The panel's anchor is in no frame at all."""
     left, top, width, height = panel["anchors"][0]["box"]
@@ -89,6 +94,7 @@ def test_what_a_truncated_flight_lost_is_named_by_every_command(tmp_path: Path, 
         (key_spelt_otherwise, ["gauges[1].center: is not a key", "did you mean centre?"]),
         (key_a_level_too_low, ["gauges[1].needles[0].tail: is not a key here, but of gauge: move it there"]),
         (no_picture, ["panel.jpg"]),
+        (gauge_outside, ["drawn.yaml: gauges[0]: lies outside", "check where it is drawn"]),
         (another_cockpit, ["flight.mcap", "none of its 2 frames", "knob"]),
     ],
     ids=lambda value: getattr(value, "__name__", None),
@@ -104,11 +110,11 @@ def test_wrong_panel_is_named(
     panel: Panel = yaml.safe_load(PANEL.read_text(encoding="utf-8"))
     (tmp_path / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
     change(panel, tmp_path / "panel.jpg")
-    (tmp_path / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+    (tmp_path / "drawn.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
 
     flight = make_flight(pictures[:2])  # where a panel is found in no frame, each is searched long
 
-    says(ran("decode", flight, "--panel", tmp_path / "panel.yaml", "-o", tmp_path / "out"), "decode: ", *words)
+    says(ran("decode", flight, "--panel", tmp_path / "drawn.yaml", "-o", tmp_path / "out"), "decode: ", *words)
     assert not (tmp_path / "out").exists()
 
 
