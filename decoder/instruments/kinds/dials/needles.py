@@ -216,7 +216,7 @@ class NeedleReader:
         such a frame, so `row` becomes NaN.
         """
         for index, needle in enumerate(self._needles):
-            if needle.turn_rows is None or not needle.grid.tail_columns:
+            if needle.turn_rows is None or not needle.gauge.tail:
                 continue
             # Where frames vibrate little can be trusted, least of all the tip; here all of it counts.
             whole = replace(needle.template, trust=np.ones_like(needle.template.trust))

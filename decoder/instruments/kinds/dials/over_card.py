@@ -134,8 +134,8 @@ class _Dial:
 
     @property
     def bare_gauge(self) -> Gauge:
-        """The gauge in the card's frame: needles over a fixed face."""
-        return self.gauge.model_copy(update={"card": None})
+        """The gauge in the card's frame: needles over a fixed face; which end is the tip is not asked there."""
+        return self.gauge.model_copy(update={"card": None, "tail": False})
 
     @property
     def needle_kind(self) -> Kind:
