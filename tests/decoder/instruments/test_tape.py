@@ -226,8 +226,10 @@ PX_PER_KT = 4.0
 KNOWN_KT = np.linspace(90.0, 115.0, 16)
 
 
-def speed_tape(speed_kt: float, grid: WindowGrid, seed: int, *, readout: bool, contrast: float) -> Floats:
-    """A screen's airspeed tape with a mark every 5 kt, behind a box whose digits change with it."""
+def speed_tape(
+    speed_kt: float, grid: WindowGrid, seed: int, *, readout: bool, contrast: float, framed: bool = False
+) -> Floats:
+    """A screen's airspeed tape with a mark every 5 kt, behind a box whose digits change with it, and in a frame."""
 
     def levels(x: Floats, y: Floats) -> Floats:
         down_px = y - SCREEN_INDEX[1]
@@ -242,6 +244,8 @@ def speed_tape(speed_kt: float, grid: WindowGrid, seed: int, *, readout: bool, c
                 place = bar((part - 0.5) * 10 * PX_PER_KT + 4.0 - 8.0 * below, 2.0, 1.0)
                 blots += digits[which, across, below] * place * bar(x - 20.0 - 7.0 * across, 2.0, 1.0)
         tape = 50.0 + 150.0 * contrast * blots + 150.0 * np.maximum(tick, bar(x - 58.0, 1.0, 0.6))
+        if framed:
+            tape = np.where((np.abs(down_px) > 94.0) & (np.abs(down_px) < 97.0) | (np.abs(down_px) < 1.5), 215.0, tape)
         if not readout:
             return tape
         number = np.random.default_rng(1000 + round(speed_kt))
@@ -257,17 +261,21 @@ def speed_tape(speed_kt: float, grid: WindowGrid, seed: int, *, readout: bool, c
     return seen(grid, levels, seed)
 
 
-def read_speeds(speeds_kt: Floats, *, readout: bool, contrast: float) -> tuple[Floats, Floats]:
+def read_speeds(speeds_kt: Floats, *, readout: bool, contrast: float, framed: bool = False) -> tuple[Floats, Floats]:
     """Errors of those that were read, and which were read, of a tape that a flight showed between 90 and 115 kt."""
     marks = [[[52.0, SCREEN_INDEX[1] - (kt - 100) * PX_PER_KT], float(kt)] for kt in range(80, 121, 10)]
     gauge, grid = gauge_of(SCREEN, tape={"name": "heading_deg", "moves": "down", "index": SCREEN_INDEX, "marks": marks})
     own = DrawnTape.of(gauge, grid)
-    panel = speed_tape(100.0, grid, 0, readout=readout, contrast=contrast)
-    frames = [speed_tape(kt, grid, n + 1, readout=readout, contrast=contrast) for n, kt in enumerate(KNOWN_KT.tolist())]
+    panel = speed_tape(100.0, grid, 0, readout=readout, contrast=contrast, framed=framed)
+    frames = [
+        speed_tape(kt, grid, n + 1, readout=readout, contrast=contrast, framed=framed)
+        for n, kt in enumerate(KNOWN_KT.tolist())
+    ]
     first = first_tape(own.marks, own.turn, own.along(panel), is_round=own.is_round)
     picture = learn_tape([own.along(frame) for frame in frames], first, own.marks)
     shown = (
-        speed_tape(kt, grid, 700 + n, readout=readout, contrast=contrast) for n, kt in enumerate(speeds_kt.tolist())
+        speed_tape(kt, grid, 700 + n, readout=readout, contrast=contrast, framed=framed)
+        for n, kt in enumerate(speeds_kt.tolist())
     )
     off, _, is_read = errors(read(gauge, grid, picture, *shown), speeds_kt)
     return off, is_read
@@ -277,6 +285,14 @@ def test_changing_digits_in_a_box_over_the_tape_do_not_keep_it_from_being_read()
     """They changed as much as the tape did, but not as it did, and one frame in twenty matched."""
     speeds_kt = np.arange(91.0, 115.0, 1.7)
     off, is_read = read_speeds(speeds_kt, readout=True, contrast=1.0)
+
+    assert is_read.mean() >= 0.8
+    assert np.abs(off).max() < 0.5
+
+
+def test_tape_whose_window_was_drawn_around_its_frame_is_read() -> None:
+    """Its ends and an index across it stand still, and enclose all of the tape."""
+    off, is_read = read_speeds(np.arange(91.0, 115.0, 1.7), readout=False, contrast=1.0, framed=True)
 
     assert is_read.mean() >= 0.8
     assert np.abs(off).max() < 0.5

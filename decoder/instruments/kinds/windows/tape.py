@@ -620,13 +620,16 @@ def _still(windows: Sequence[Floats]) -> Floats:
 
 
 def _with_enclosed(still: Floats) -> Floats:
-    """(along, across): also 1 where what stands still keeps a place from both ends, as the frame of a readout does.
+    """(along, across): also 1 where what stands still encloses a small part of the window, as a readout's frame does.
 
-    The digits of a readout over the tape change, but not as the tape does.
+    The digits of a readout over the tape change, but not as the tape does. A large part is the tape itself, between an
+    index and the ends of its window.
     """
     _, labels = cv2.connectedComponents((still < HALF).astype(np.uint8), connectivity=4)
-    from_ends = np.isin(labels, np.union1d(labels[0], labels[-1])) & (still < HALF)
-    return np.where(from_ends, still, np.float32(1.0))
+    is_small = np.bincount(labels.ravel()) < HALF**2 * labels.size
+    is_small[np.union1d(labels[0], labels[-1])] = False
+    enclosed = is_small[labels] & (still < HALF)
+    return np.where(enclosed, np.float32(1.0), still)
 
 
 class TapeReader:
