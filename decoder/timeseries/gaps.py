@@ -189,11 +189,13 @@ def _interpolated(series: NeedleSeries, time_s: Floats, *, never: Mask) -> Needl
         return series
     known = np.flatnonzero(series.has(*SEEN_STATUSES))
     flagged = np.flatnonzero(series.has(Status.MISSING) & np.isfinite(series.score) & ~never)
+    if known.size < flagged.size:
+        return series
     if known.size:
         known = known[_rising(time_s[known])]  # a clock that jumps back leaves frames that belong nowhere
         between = (time_s[flagged] >= time_s[known[0]]) & (time_s[flagged] <= time_s[known[-1]])
         flagged = flagged[between & (flagged > known[0]) & (flagged < known[-1])]
-    if known.size < max(flagged.size, 1) or not flagged.size:
+    if not known.size or not flagged.size:
         return series
     wraps = series.quantity.wraps
     seen = series.value[known] if wraps is None else np.unwrap(series.value[known], period=wraps)
