@@ -9,7 +9,7 @@ import os
 import random
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -129,6 +129,21 @@ def make_store(
     )
 
 
+def finished(store: SegmentStore) -> None:
+    """Ends a store whose disk works again."""
+    while not store.try_now(at(FRAMES)):
+        pass
+    store.finish("stopped", at(FRAMES))
+
+
+def recovered(directory: Path, left: Sequence[Path]) -> list[Path]:
+    """Recovers what a store left in work; gives all segments."""
+    for path in left:
+        if path.exists():
+            recover_segment(path, at=at(FRAMES))
+    return sorted(directory.iterdir())
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("size", [100, 100_000])
 def test_each_frame_is_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, size: int) -> None:
@@ -142,13 +157,8 @@ def test_each_frame_is_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
                 pass
             store.put(frame(number, size), at(number))
         moody.part = 0.0
-        while not store.try_now(at(FRAMES)):
-            pass
-        store.finish("stopped", at(FRAMES))
-    for path in left:
-        if path.exists():
-            recover_segment(path, at=at(FRAMES))
-    paths = sorted(tmp_path.iterdir())
+        finished(store)
+    paths = recovered(tmp_path, left)
     (check,) = verify(paths)
 
     assert moody.failures > 3
@@ -548,13 +558,8 @@ def test_each_frame_is_there_once_or_counted_whatever_the_memory_fails_for(
             store.put(frame(number, 100_000), at(number))
             store.put(CameraStatus("capturing", str(number)), at(number))
         moody.part = 0.0
-        while not store.try_now(at(FRAMES)):
-            pass
-        store.finish("stopped", at(FRAMES))
-    for path in left:
-        if path.exists():
-            recover_segment(path, at=at(FRAMES))
-    paths = sorted(tmp_path.iterdir())
+        finished(store)
+    paths = recovered(tmp_path, left)
     numbers = [frame.sequence for frame in open_flight(paths).frames()]
 
     assert numbers == sorted(set(numbers))
