@@ -187,6 +187,14 @@ def test_nothing_is_interpolated_where_most_frames_are_not_read() -> None:
     assert set(statuses(speeds(near))) == {"r", "m"}
 
 
+def test_frames_before_the_first_and_after_the_last_reading_count_as_not_read() -> None:
+    """A compass was read in 15 of 47 frames, 12 of those not read in between: its line was 90 degrees off."""
+    shown = "b" * 8 + "s" * 4 + "b" * 12 + "s" * 11 + "b" * 12
+    frames = [seen(250.0 + number / 2) if each == "s" else BAD for number, each in enumerate(shown)]
+
+    assert statuses(speeds(frames)) == shown.replace("b", "m").replace("s", "r")
+
+
 def pair(al_deg: float, fr_deg: float, status: Status = Status.READ) -> dict[str, Reading]:
     """Both fuel needles, the status being the covered one's."""
     return {"al_lb": Reading(status, al_deg, 0.02, 0.95), "fr_lb": seen(fr_deg)}
