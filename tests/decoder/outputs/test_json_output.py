@@ -53,19 +53,19 @@ def test_sources_times_and_pivots_are_told() -> None:
 def test_gaps_name_needle_frames_and_status() -> None:
     """Each run of flagged frames is one gap; a needle has its unit, scale, frames by status and lowest score."""
     worse = Reading(Status.MISSING, 333.0, 0.5, 0.2)
-    content = described([{"speed_kt": reading} for reading in (GOOD, BAD, worse, GOOD, BAD)])
+    content = described([{"speed_kt": reading} for reading in (GOOD, GOOD, BAD, worse, GOOD, BAD)])
 
     assert content["needles"]["speed_kt"] == {
         "gauge": "speed",
         "unit": "kt",
         "scale_min": 0.0,
         "scale_max": 1000.0,
-        "frames": {"read": 2, "edge": 0, "hidden": 0, "interpolated": 2, "missing": 1},
+        "frames": {"read": 3, "edge": 0, "hidden": 0, "interpolated": 2, "missing": 1},
         "lowest_score": 0.2,
     }
     assert content["gaps"] == [
-        {"needle": "speed_kt", "status": "interpolated", "first_frame": 1, "last_frame": 2, "lowest_score": 0.2},
-        {"needle": "speed_kt", "status": "missing", "first_frame": 4, "last_frame": 4, "lowest_score": 0.4123},
+        {"needle": "speed_kt", "status": "interpolated", "first_frame": 2, "last_frame": 3, "lowest_score": 0.2},
+        {"needle": "speed_kt", "status": "missing", "first_frame": 5, "last_frame": 5, "lowest_score": 0.4123},
     ]
 
 
