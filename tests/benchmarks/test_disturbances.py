@@ -16,7 +16,7 @@ from benchmarks.real_pictures import Source, available, decode_source, reads
 EVERY = 3
 OBLIQUE = next((source for source in available() if source.title == "simulator flight, oblique"), None)
 
-pytestmark = [pytest.mark.shared, pytest.mark.skipif(OBLIQUE is None, reason="../shared is absent")]
+needs_pictures = pytest.mark.skipif(OBLIQUE is None, reason="../shared is absent")
 
 
 def only(source: Source, column: str, folder: Path) -> Source:
@@ -40,6 +40,8 @@ def test_disturbance_changes_frames_the_same_way_each_time(name: str) -> None:
     assert all(np.array_equal(one, other) for one, other in zip(seen, again, strict=True))
 
 
+@pytest.mark.shared
+@needs_pictures
 def test_panel_picture_and_truth_stay_as_they_were(tmp_path: Path) -> None:
     """Only the frames are disturbed."""
     assert OBLIQUE is not None
@@ -52,6 +54,8 @@ def test_panel_picture_and_truth_stay_as_they_were(tmp_path: Path) -> None:
     assert all(frame is not None for frame in frames)
 
 
+@pytest.mark.shared
+@needs_pictures
 @pytest.mark.slow
 def test_radio_compass_in_a_vibrating_flight_is_never_read_half_a_turn_off(tmp_path: Path) -> None:
     """Its needle is nearly the same both ways, and passes beside its centre in every frame."""

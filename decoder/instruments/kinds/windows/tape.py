@@ -596,7 +596,7 @@ def _still(windows: Sequence[Floats]) -> Floats:
 
     That is either an edge, or the inside of something that lies over the tape. The inside counts if its level differs
     from the rest along the window by more than the tape's levels usually change, and if it outweighs everything that
-    moves, since it would then match at every position. So is all that it encloses.
+    moves, since it would then match at every position. A small part of the window that these enclose counts, too.
     """
     views = np.stack(windows)
     middle = median_of(views)
