@@ -402,6 +402,18 @@ class Flight:
             if not isinstance(found, Loss):
                 yield found[1]
 
+    def sample_frame(self, rank: int) -> Frame | None:
+        """Return the frame of this rank, or, of a video, the key frame of its group; None if it is damaged.
+
+        Raises
+        ------
+        FlightNotReadableError
+            If the disk fails or a file vanishes meanwhile.
+        """
+        if self._is_video:
+            return next(self._sampled([rank]), None)
+        return next((found[1] for _, found in self._picked({rank}) if not isinstance(found, Loss)), None)
+
     def _sampled(self, ranks: Sequence[int]) -> Iterator[Frame]:
         before = -1
         for rank in ranks:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -175,12 +175,29 @@ class Instrument(Placed):
         ]
 
 
+class Grower(Protocol):
+    """Learns more and more of a look, of which any one frame shows only a part."""
+
+    @property
+    def pictures(self) -> Mapping[str, LearnedPicture]:
+        """What is known by now, by quantity."""
+        ...
+
+    def add(self, strips: Sequence[UnwrappedGauge]) -> Sequence[bool]:
+        """Learn from further frames; return for all that were added so far whether their part is known."""
+        ...
+
+
 class Still:
     """Defaults for kinds in which nothing turns around a drawn pivot."""
 
     def sampled_part(self, _grid: Grid) -> Part:
         """Return all rows and columns."""
         return ALL
+
+    def grower(self, _instrument: Instrument, _appearance: Appearance) -> Grower | None:
+        """Return None."""
+        return None
 
     def hidden_look(
         self,

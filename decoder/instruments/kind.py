@@ -10,7 +10,7 @@ from typing import Protocol
 
 from decoder.imaging.planes import Squeeze
 from decoder.imaging.unwrapping import Grid, UnwrappedGauge
-from decoder.instruments.appearance import Appearance, DrawnInstrument, Instrument, LearnedPicture, Look
+from decoder.instruments.appearance import Appearance, DrawnInstrument, Grower, Instrument, LearnedPicture, Look
 from decoder.instruments.sampling import GaugeSampler, Part, Reader, SeenGauge
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
@@ -51,6 +51,10 @@ class Kind(Protocol):
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
         """Learn its look beyond face and templates from a sample's frames in one light; the result is by quantity."""
+        ...
+
+    def grower(self, instrument: Instrument, appearance: Appearance) -> Grower | None:
+        """Return what learns the rest of a look that no one frame shows whole; None if one does, or all is known."""
         ...
 
     def hidden_look(

@@ -60,6 +60,7 @@ class FlightSample:
         self._flight = flight
         self._rows = rows
         self._too_few = 0
+        self._looked_at: set[int] = set()
         self._kept: dict[int, Taken] = {}
         self._by_rank: dict[int, int] = {}
         self._room = kept_bytes
@@ -71,6 +72,23 @@ class FlightSample:
         if all(rank in self._by_rank for rank in ranks):
             return (self._kept[self._by_rank[rank]] for rank in ranks)
         return self._read(frames, ranks)
+
+    @property
+    def ranks(self) -> list[int]:
+        """Ranks of the frames that are looked at first, in order of time."""
+        return sorted(spread(self._flight.count(), SAMPLE_FRAMES))
+
+    def at(self, rank: int) -> Taken | None:
+        """Return the frame of this rank, or one before it; None if it cannot be opened, or was returned before."""
+        frame = self._flight.sample_frame(rank)
+        if frame is None or frame.sequence in self._looked_at:
+            return None
+        self._looked_at.add(frame.sequence)
+        kept = self._kept.get(frame.sequence)
+        try:
+            return self._decompressed(frame) if kept is None else kept
+        except PictureError:
+            return None  # reported when the flight is read
 
     def given_up(self, frame: Frame) -> Taken | None:
         """Hand over the picture of a frame, if it was kept, and drop it."""

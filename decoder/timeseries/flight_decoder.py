@@ -12,6 +12,7 @@ from decoder.instruments.frame_batch import Batch, Outcome, RawFrame, ReadBatche
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.flight_sample import FlightSample, Tell, nobody
+from decoder.learning.in_between import learn_in_between
 from decoder.learning.thresholds import SAMPLE_FRAMES
 from decoder.panel.errors import FlightUnreadable, PictureError
 from decoder.panel.panel import NEEDLE_SUFFIXES, Panel
@@ -61,6 +62,7 @@ def decode_flight(
     """
     sample = FlightSample(flight, reader.placer.rows_at_first(), tell=tell)
     fitted = fit_to_flight(reader, sample, tell=tell)
+    fitted = replace(fitted, reader=learn_in_between(fitted.reader, sample, tell=tell))
     tell("")
     if part is None and not fitted.sampled and 0 < len(sample.opened) < flight.count():
         looked = len(sample.opened)

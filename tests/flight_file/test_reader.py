@@ -89,6 +89,7 @@ def test_sample_is_spread_from_the_first_frame_to_the_last(
         assert len(sample) == min(count, len(frames))
         assert count < 2 or (sample[0], sample[-1]) == (frames[0], frames[-1])
         assert list(flight.sample_frames(count)) == sample
+    assert [flight.sample_frame(rank) for rank in range(len(frames))] == frames
 
 
 def write_foreign(path: Path, frames: list[Frame], *, image_first: bool = False, **options: object) -> None:
@@ -162,6 +163,7 @@ def test_message_that_is_not_what_its_topic_promises_is_a_loss(tmp_path: Path, t
 
     assert list(flight.frames()) == []
     assert list(flight.sample_frames(1)) == []
+    assert flight.sample_frame(0) is None
     assert [loss.kind.value for loss in flight.losses] == ["damaged"]
 
 

@@ -8,7 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from decoder.instruments.kinds.windows.tape import DrawnTape, TapePicture, TapeReader, first_tape, learn_tape
+from decoder.instruments.kinds.windows.tape import DrawnTape, TapeReader
+from decoder.instruments.kinds.windows.tape_learning import first_tape, learn_tape
+from decoder.instruments.kinds.windows.tape_picture import TapePicture
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge

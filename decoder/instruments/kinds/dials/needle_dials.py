@@ -15,6 +15,7 @@ from decoder.imaging.unwrapping import Grid, UnwrappedGauge, row_of_angle
 from decoder.instruments.appearance import (
     Appearance,
     DrawnInstrument,
+    Grower,
     Instrument,
     LearnedPicture,
     Look,
@@ -88,6 +89,9 @@ class NeedleKind:
         self, _: Instrument, __: Sequence[UnwrappedGauge], ___: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
         return {}
+
+    def grower(self, _: Instrument, __: Appearance) -> Grower | None:
+        return None
 
     def hidden_look(self, _: Instrument, __: Appearance, ___: Sequence[UnwrappedGauge]) -> Look | None:
         return None
