@@ -22,7 +22,7 @@ from decoder.instruments.kinds.windows.tape_picture import TapePicture
 from decoder.instruments.kinds.windows.tape_shape import ROW_PX, DrawnMarks, TapeShape, rows_in_sight
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, SURE_SCORE
+from decoder.instruments.thresholds import SURE_SCORE
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
@@ -43,20 +43,21 @@ class TapeReader:
         """Read F frames of its window, (F, R, C) as they are sampled.
 
         While part of a tape is unknown, that part may look like a known one, so a match must be better; and if two
-        known parts look alike, an unknown one may look like them too. A place of which less than most is known is not
-        read: one or two numerals would decide. A tape to which no frame of the flight could be added is not read.
+        known parts look alike, an unknown one may look like them too, unless they are told apart. A place of which less
+        than most is known is not read: one or two numerals would decide. A tape to which no frame of the flight could
+        be added is not read.
         """
         picture, drawn = self._picture, self._drawn
         windows = np.stack([picture.unroll(window) for window in drawn.along(strips)])
-        found, rivals, is_told = self._finder.laid(windows)
+        matches = self._finder.laid(windows)
+        found = matches.found
         base = picture.shape.value_at(drawn.index_px)
         own_sigma, per_unit = picture.shape.sigmas(drawn.marks, drawn.index_px)
         a_pixel = picture.step / ROW_PX
-        left, other = 1.0 - found.score**2, 1.0 - rivals**2
-        is_told |= found.is_there & (picture.is_whole | (rivals < SURE_SCORE)) & (CLEARLY_WORSE * left < other)
-        is_read = is_told & (found.score >= self._least)
+        is_read = picture.is_learned & found.is_there & (found.score >= self._least)
         is_read &= picture.is_whole | (self._finder.part_known(found.rows) >= 1.0 - HALF**2)
-        is_read &= picture.is_learned
+        doubt = np.flatnonzero(is_read & ~(matches.is_clear & (picture.is_whole | (matches.rivals < SURE_SCORE))))
+        is_read[doubt] = self._finder.told_apart(windows, matches, doubt)
         readings = []
         for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
             moved = picture.moved(float(found.rows[number]))

@@ -11,7 +11,7 @@ import numpy as np
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.kinds.windows.tape_picture import Laid, TapePicture
 from decoder.instruments.kinds.windows.tape_shape import ROW_PX
-from decoder.instruments.thresholds import STILL_ROWS
+from decoder.instruments.thresholds import CLEARLY_WORSE, STILL_ROWS
 from decoder.matching.correlation import ROUNDING, Spectrum, explained, products
 from decoder.matching.needle_search import COARSE_STEP
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_CONTRAST_PART
@@ -23,6 +23,8 @@ FIT_STEPS = 6
 BLOCK = 16
 # Places that are compared with the best.
 RIVALS = 3
+# Steps after which a rival's score is known to a thousandth.
+RIVAL_STEPS = 2
 # Of the cells in which two places differ, the part that has to match.
 MOST = 0.9
 # Blur that is as large as a digit.
@@ -66,6 +68,21 @@ class _Fit:
         return _Fit(*(getattr(self, each.name)[which] for each in fields(self)))
 
 
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """Where a tape was found in F windows, how well the next best place matches (F,), and the rows (F, N) of others."""
+
+    found: Laid
+    rivals: Floats
+    others: Floats
+
+    @property
+    def is_clear(self) -> Mask:
+        """(F,): whether the next best place leaves so much more unexplained that it cannot be the right one."""
+        clear: Mask = CLEARLY_WORSE * (1.0 - self.found.score**2) < 1.0 - self.rivals**2
+        return clear
+
+
 class TapeFinder:
     """Finds where a tape lies."""
 
@@ -79,38 +96,49 @@ class TapeFinder:
         self._known = picture.known.astype(np.float32)
         self._along = np.linspace(-1.0, 1.0, self._rows, dtype=np.float32)[:, None]
 
-    def laid(self, strips: Floats) -> tuple[Laid, Floats, Mask]:
-        """Find the tape in F unrolled windows (F, R, C).
-
-        Also return (F,) how well the next best place matches, and (F,) whether each is told apart from the next best.
-        """
+    def laid(self, strips: Floats) -> Matches:
+        """Find the tape in F unrolled windows (F, R, C)."""
         scores = np.stack([self._search.scores(strip) for strip in strips])
         best = scores.argmax(axis=1)
         found = self.settled(strips, (COARSE_STEP * best).astype(np.float64))
         apart = COARSE_STEP * np.abs(np.arange(scores.shape[1]) - best[:, None])
         is_apart = 8 * np.minimum(apart, self._size - apart) > self._rows
         elsewhere = np.where(_is_peak(scores) & is_apart, scores, 0.0)
-        rivals, is_told = np.zeros(len(strips)), found.is_there.copy()
-        for number, peaks in enumerate(elsewhere):
-            places = np.argsort(-peaks, kind="stable")[:RIVALS]
-            rivals[number] = limited(peaks[places[0]], 0.0, 1.0)
-            if is_told[number] and rivals[number] >= LIKELY_SCORE:
-                rows = np.concatenate([found.rows[number : number + 1], COARSE_STEP * places])
-                fits = self.settled(np.broadcast_to(strips[number], (len(rows), *strips[number].shape)), rows)
-                first, *others = np.argsort(-fits.score, kind="stable").tolist()
-                found.put(np.array([number]), fits.part(np.array([first])))
-                rivals[number] = fits.score[others[0]]
-                is_told[number] = all(self._is_told_apart(strips[number], fits, first, each) for each in others)
-        return found, rivals, is_told
+        order = np.argsort(-elsewhere, axis=1, kind="stable")[:, :RIVALS]
+        others = (COARSE_STEP * order).astype(np.float64)
+        rivals = limited(np.take_along_axis(elsewhere, order[:, :1], axis=1)[:, 0], 0.0, 1.0)
+        doubt = np.flatnonzero(found.is_there & (rivals >= LIKELY_SCORE))
+        if doubt.size:
+            other = self.settled(strips[doubt], others[doubt, 0], RIVAL_STEPS)
+            rivals[doubt] = np.maximum(rivals[doubt], other.score)
+            is_better = other.is_there & (other.score > found.score[doubt])
+            better = doubt[is_better]
+            rivals[better], others[better, 0] = found.score[better], found.rows[better]
+            found.put(better, self.settled(strips[better], other.rows[is_better]))
+        return Matches(found, rivals, others)
+
+    def told_apart(self, strips: Floats, matches: Matches, which: Indices) -> Mask:
+        """(len(which),): whether these of the windows (F, R, C) show their places, and none that matches next best.
+
+        If one of those matches better once it is fitted, it takes the other's place in `matches`.
+        """
+        is_told = matches.rivals[which] < LIKELY_SCORE
+        for place, number in zip(np.flatnonzero(~is_told).tolist(), which[~is_told].tolist(), strict=True):
+            rows = np.append(matches.found.rows[number], matches.others[number])
+            fits = self.settled(np.broadcast_to(strips[number], (len(rows), *strips[number].shape)), rows)
+            first, *others = np.argsort(-fits.score, kind="stable").tolist()
+            matches.found.put(np.array([number]), fits.part(np.array([first])))
+            is_told[place] = all(
+                self._is_told_apart(strips[number], fits, first, other) for other in others if fits.is_there[other]
+            )
+        return is_told
 
     def _is_told_apart(self, strip: Floats, fits: Laid, best: int, other: int) -> bool:
-        """Whether a window shows what is at one place of the tape, rather than what is at another or at neither.
+        """Whether a window shows what is at the best place of the tape, rather than what is at another or at neither.
 
         Places often differ in a digit only, while all that they share, such as ticks, matches well. Where they differ,
         a window that shows neither is half way between them, and its digit is as unlike the one as the other.
         """
-        if not fits.is_there[other]:
-            return True
         shown = fits.gains * self._at(self._picture.levels, fits.rows) + fits.lights
         own, its = ((self._at(self._known, fits.rows) > 1 - STILL_ROWS) * self._picture.weights)[[best, other]]
         unlike, both = shown[best] - shown[other], np.minimum(own, its)

@@ -116,11 +116,15 @@ class TapeMosaic:
 
     def _matches(self, windows: Sequence[Floats]) -> tuple[Laid, Mask]:
         """Find windows in the tape as far as it is known, and tell which match well there and nowhere else."""
-        found, rivals, is_told = TapeFinder(self._picture).laid(self._unrolled(windows))
-        if self._picture.shape.is_round:  # before its shape is known, a drum's numerals do not match exactly
-            left, other = 1.0 - found.score**2, 1.0 - rivals**2
-            is_told |= found.is_there & (rivals < SURE_SCORE) & (left < MUCH_BETTER * other)
-        fits = is_told & (found.score >= SURE_SCORE)
+        strips, finder = self._unrolled(windows), TapeFinder(self._picture)
+        matches = finder.laid(strips)
+        found = matches.found
+        fits = found.is_there & (found.score >= SURE_SCORE)
+        if self._picture.shape.is_round:  # until its shape is refined, a drum's numerals do not match exactly
+            left, other = 1.0 - found.score**2, 1.0 - matches.rivals**2
+            fits &= (matches.rivals < SURE_SCORE) & (left < MUCH_BETTER * other)
+        else:
+            fits[fits] = finder.told_apart(strips, matches, np.flatnonzero(fits))
         return found, np.asarray(fits, bool)
 
     def _add(self, windows: Sequence[Floats], found: Laid, fits: Mask) -> Mask:
