@@ -149,7 +149,9 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
         agree = _anchors_agree(reader, samples)
         there = with_usual_place(reader, samples)  # so that anchors seen obliquely are searched for as they appear
         one_by_one = there.with_placement(replace(there.placement, dials_move=True, anchors_agree=agree))
-        if _dials_move(one_by_one, sample):
+        apart_px = _apart_px(one_by_one, sample)
+        if apart_px > IN_PLACE_PX:
+            one_by_one = one_by_one.with_placement(replace(one_by_one.placement, apart_px=apart_px))
             return one_by_one, unwrapped(one_by_one, sample(frames_wanted(one_by_one.placement)))
     return reader, samples
 
@@ -233,8 +235,8 @@ def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bo
     return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
 
 
-def _dials_move(reader: PanelReader, sample: Sample) -> bool:
-    """Whether dials lie elsewhere than the anchors put them, in some of the sampled frames."""
+def _apart_px(reader: PanelReader, sample: Sample) -> float:
+    """Return how far dials lie from where the anchors put them, in some of the sampled frames; 0 if none is found."""
     shifts_px: list[float] = []
     frames = 0
     for frame in _pictures(sample(SAMPLE_FRAMES)):
@@ -246,7 +248,7 @@ def _dials_move(reader: PanelReader, sample: Sample) -> bool:
         frames += 1
         if frames == LOOKED_AT:
             break
-    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
+    return float(np.sqrt(np.mean(np.square(shifts_px)))) if shifts_px else 0.0
 
 
 def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:
