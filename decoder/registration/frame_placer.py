@@ -265,7 +265,7 @@ class FramePlacer:
         in_colour = cache(picture.in_colour)
         lifts = self._placement.lifts or (0.0,) * len(self._grids)
         gauges, whole, shifts, sigmas, alignments = [], [], [], [], []
-        found, apart_px = place_all(self._placers, frame, alignment), self._placement.apart_px if is_by_all else None
+        found, apart_px = place_all(self._placers, frame, alignment), self._placement.apart_px if is_by_all else ()
         places = at_consensus(self._placers, found, alignment, apart_px)
         for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
             there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))

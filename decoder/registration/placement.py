@@ -88,7 +88,7 @@ class Placement:
     dials_move
         Whether the camera moves so far that dials shift relative to the anchors, and have to be located one by one.
     apart_px
-        How far dials usually lie from where the anchors put them, if dials move and that is known.
+        For each gauge, if dials move and that is known: how far it usually lies from where the anchors put it.
     anchors_agree
         Whether anchors lie in one plane, so that all of them tell where to search for dials.
     lifts
@@ -102,7 +102,7 @@ class Placement:
     usual: Alignment = IDENTITY
     motions: tuple[Matrix, ...] = ()
     dials_move: bool = False
-    apart_px: float | None = None
+    apart_px: tuple[float, ...] = ()
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
     is_upright: bool = True

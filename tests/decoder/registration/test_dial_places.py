@@ -149,7 +149,7 @@ def test_dial_whose_marks_are_not_found_lies_where_the_others_do(placer: GaugePl
         assert np.mean(np.abs(off) <= sigma_px) >= 0.68
     alone = GaugePlace(IDENTITY, np.eye(3), (3.0, -2.0), 0.1)
     assert at_consensus([placer] * 2, [None, alone], IDENTITY) == [None, alone]
-    anchored, same = at_consensus([placer] * 2, [None, alone], IDENTITY, apart_px=1.5)
+    anchored, same = at_consensus([placer] * 2, [None, alone], IDENTITY, apart_px=(1.5, 0.7))
     assert same is alone
     assert anchored is not None
     assert (anchored.shift_px, anchored.sigma_px, anchored.alignment) == ((0.0, 0.0), 1.5, IDENTITY)
