@@ -22,7 +22,7 @@ from decoder.imaging.resampling import MixedPart, PointMap, levels_at
 from decoder.imaging.thresholds import COLUMN_PX, MAX_COLUMNS, MIN_COLUMNS, MIN_ROWS_PER_DEG
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
-from decoder.panel.kinds.straight import size_px
+from decoder.panel.kinds.straight import size_px, steadied
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.panel.window import Corners
 
@@ -145,7 +145,7 @@ class WindowGrid:
         """(2, len(down), len(across)) float32: any points of the window, from 0 at its top left to 1."""
         unit = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
         places = np.stack([part.ravel() for part in np.meshgrid(across, down)]).astype(np.float64)
-        there = carried(homography(unit, np.array(self.corners).T), places)
+        there = carried(homography(unit, np.array(steadied(self.corners)).T), places)
         points: Floats = there.reshape(2, len(down), len(across)).astype(np.float32)
         return points
 

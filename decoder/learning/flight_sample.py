@@ -167,7 +167,9 @@ def align_sample(reader: PanelReader, sample: Sample) -> tuple[PanelReader, list
         agree = _anchors_agree(reader, samples)
         there = with_usual_place(reader, samples)  # so that anchors seen obliquely are searched for as they appear
         one_by_one = there.with_placement(replace(there.placement, dials_move=True, anchors_agree=agree))
-        if _dials_move(one_by_one, sample):
+        apart_px = _apart_px(one_by_one, sample)
+        if apart_px:
+            one_by_one = one_by_one.with_placement(replace(one_by_one.placement, apart_px=apart_px))
             return one_by_one, unwrapped(one_by_one, sample(frames_wanted(one_by_one.placement)))
     return reader, samples
 
@@ -251,20 +253,31 @@ def _anchors_agree(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> bo
     return 2 * sum(reader.aligner.agrees(sample.alignment) for sample in samples) > len(samples)
 
 
-def _dials_move(reader: PanelReader, sample: Sample) -> bool:
-    """Whether dials lie elsewhere than the anchors put them, in some of the sampled frames."""
-    shifts_px: list[float] = []
+def _apart_px(reader: PanelReader, sample: Sample) -> tuple[float, ...]:
+    """Return how far each dial lies from where the anchors put it in some frames, or all do; empty if none moves."""
+    shifts_px: list[list[float]] = [[] for _ in reader.source.panel.gauges]
     frames = 0
     for frame in _pictures(sample(SAMPLE_FRAMES)):
         try:
             shifts = reader.placer.dial_shifts_px(frame.pixels, frame.focal_length_mm)
         except PictureError:
             continue
-        shifts_px += [math.hypot(*shift) for shift in shifts if shift is not None]
+        for own, shift in zip(shifts_px, shifts, strict=False):
+            own.extend([] if shift is None else [math.hypot(*shift)])
         frames += 1
         if frames == LOOKED_AT:
             break
-    return bool(shifts_px) and float(np.sqrt(np.mean(np.square(shifts_px)))) > IN_PLACE_PX
+    if _rms([shift for own in shifts_px for shift in own]) <= IN_PLACE_PX:
+        return ()
+    located = [
+        own for own, gauge in zip(shifts_px, reader.source.panel.gauges, strict=True) if gauge.kind.has_still_face
+    ]
+    usual_px = _rms([shift for own in located for shift in own])
+    return tuple(max(_rms(own), usual_px) for own in shifts_px)
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
 
 
 def _first_sight(reader: PanelReader, sample: Sample, found: int) -> Alignment | None:

@@ -78,6 +78,8 @@ class QuantityUncertainty:
     beside_deg
         From the distance between a needle's middle and where it is drawn: an allowance only, since nothing in a flight
         shows which of the two is where it points.
+    bowed
+        The quantity, if its scale may be bowed between its marks.
     """
 
     drawn_deg: float
@@ -90,6 +92,7 @@ class QuantityUncertainty:
     zero_deg: float | None
     scale: Scale | None = None
     beside_deg: float = 0.0
+    bowed: Quantity | None = None
 
     @property
     def allowed_deg(self) -> float:
@@ -108,6 +111,8 @@ class QuantityUncertainty:
             if self.scale is not None:  # it may bend between its marks, or run straight
                 drawn_deg = np.hypot(drawn_deg, np.nan_to_num(self.scale.bends_deg(angles_deg)))
             pivot_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
+        if self.bowed is not None:
+            drawn_deg = np.hypot(drawn_deg, Scale.of(self.bowed.marks).bowed_deg(angles_deg, self.bowed.bow_per_deg))
         return {
             Cause.DRAWN: np.hypot(drawn_deg, self.beside_deg),
             Cause.PIVOT: pivot_deg,
@@ -211,6 +216,7 @@ def _of_other(
     dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care
 ) -> QuantityUncertainty:
     """Estimate it for anything but a needle; an error in drawing a zero of its own affects all values alike."""
+    dial = replace(dial, bowed=quantity if quantity.bow_per_deg else None)
     if quantity.has_drawn_zero:
         return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
     return _of_shift(dial, path, care) if quantity.is_shift else dial

@@ -147,6 +147,13 @@ class Scale:
         bends: Floats = np.abs(curved - way) * steps_deg[part]
         return bends
 
+    def bowed_deg(self, angles_deg: Floats, bow_per_deg: float) -> Floats:
+        """(N,): how far values may be from the straight lines between marks, in degrees, if all of it is bowed."""
+        part = self._part(self.angles_deg, angles_deg)
+        before, after = angles_deg - self.angles_deg[part], self.angles_deg[part + 1] - angles_deg
+        bowed: Floats = bow_per_deg * np.abs(before * after)
+        return bowed
+
     def _going_on(self, angles_deg: Floats) -> Floats:
         """(...): the values at angles, continuing beyond the first turn."""
         if self.wraps is None:
@@ -221,6 +228,8 @@ class Quantity:
         Whether its values go on beyond the outermost marks.
     is_shift
         Whether it is read from how far something has shifted from the pivot, rather than turned around it.
+    bow_per_deg
+        How far it may be bowed between two marks, for each degree from one and each from the other.
     """
 
     name: str
@@ -237,6 +246,7 @@ class Quantity:
     has_drawn_zero: bool = False
     goes_on: bool = False
     is_shift: bool = False
+    bow_per_deg: float = 0.0
 
     @classmethod
     def stepped(cls, name: str, gauge: str, unit: str, written: Written) -> Quantity:

@@ -262,17 +262,22 @@ class GaugePlacer:
 
 
 def at_consensus(
-    placers: Sequence[GaugePlacer | None], places: Sequence[GaugePlace | None], alignment: Alignment
+    placers: Sequence[GaugePlacer | None],
+    places: Sequence[GaugePlace | None],
+    alignment: Alignment,
+    apart_px: Sequence[float] = (),
 ) -> list[GaugePlace | None]:
     """Place each dial whose own marks are not found at the mean shift of the others; its sigma is their scatter.
 
     Marks around a needle may turn too, or lie in glare. The anchors count as one more dial, with no shift. The variance
     is that of one more sample beside so few, of Student's t with two degrees of freedom for each dial but the first.
+    Where fewer than two are found it lies where the anchors put it, if it is known how far off each usually is.
     """
     found = [place.shift_px for placer, place in zip(placers, places, strict=True) if placer and place]
     spare = len(found) - 1
     if spare <= 0:
-        return list(places)
+        anchored = [GaugePlace(alignment, np.eye(3), (0.0, 0.0), off_px) for off_px in apart_px] or places
+        return [place or there for place, there in zip(places, anchored, strict=True)]
     shifts = np.array([(0.0, 0.0), *found])
     usual = shifts.mean(axis=0)
     apart_px2 = float(shifts.var(axis=0, ddof=1).mean()) * (1 + 1 / len(shifts)) * (1 + 1 / spare)

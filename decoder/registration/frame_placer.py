@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import NamedTuple
@@ -243,30 +244,29 @@ class FramePlacer:
         PictureError
             As `unwrap`.
         """
-        alignment = self._near(frame, focal_length_mm)
+        alignment, _ = self._near(frame, focal_length_mm)
         places = place_all(self._placers, frame, alignment)
         return [None if place is None else place.shift_px for place in places]
 
-    def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> Alignment:
-        """Return where to search for dials one by one: where all anchors put them, or else most of them roughly."""
+    def _near(self, frame: GreyPicture, focal_length_mm: float | None) -> tuple[Alignment, bool]:
+        """Return where to search for dials one by one, and whether all anchors put them there, not a few roughly."""
         if self._placement.anchors_agree:
-            try:
+            with suppress(AlignmentLost):
                 alignment = self.aligner.align(frame, focal_length_mm)
-            except AlignmentLost:
-                return self.aligner.align_roughly(frame, focal_length_mm)
-            if self.aligner.agrees(alignment):
-                return alignment
-        return self.aligner.align_roughly(frame, focal_length_mm)
+                if self.aligner.agrees(alignment):
+                    return alignment, True
+        return self.aligner.align_roughly(frame, focal_length_mm), False
 
     def _unwrap_one_by_one(self, picture: FramePicture) -> UnwrappedFrame:
         """Unwrap each gauge where its own marks are or, if they are not found, where most others are."""
         frame, focal_length_mm = picture.pixels, picture.focal_length_mm
-        alignment = self._near(frame, focal_length_mm)
+        alignment, is_by_all = self._near(frame, focal_length_mm)
         height, width = frame.shape
         in_colour = cache(picture.in_colour)
         lifts = self._placement.lifts or (0.0,) * len(self._grids)
         gauges, whole, shifts, sigmas, alignments = [], [], [], [], []
-        places = at_consensus(self._placers, place_all(self._placers, frame, alignment), alignment)
+        found, apart_px = place_all(self._placers, frame, alignment), self._placement.apart_px if is_by_all else ()
+        places = at_consensus(self._placers, found, alignment, apart_px)
         for place, unwrapper, rim, lift in zip(places, self._unwrappers, self._rims, lifts, strict=True):
             there = alignment if place is None else place.alignment.after(_shift(place.shift_px, lift))
             gauges += unwrapper.unwrap(frame, there, in_colour)

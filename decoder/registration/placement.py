@@ -87,6 +87,8 @@ class Placement:
         the same way.
     dials_move
         Whether the camera moves so far that dials shift relative to the anchors, and have to be located one by one.
+    apart_px
+        For each gauge, if dials move and that is known: how far it usually lies from where the anchors put it.
     anchors_agree
         Whether anchors lie in one plane, so that all of them tell where to search for dials.
     lifts
@@ -100,6 +102,7 @@ class Placement:
     usual: Alignment = IDENTITY
     motions: tuple[Matrix, ...] = ()
     dials_move: bool = False
+    apart_px: tuple[float, ...] = ()
     anchors_agree: bool = True
     lifts: tuple[float, ...] = ()
     is_upright: bool = True
@@ -108,7 +111,7 @@ class Placement:
     def searches_as(self, other: Placement) -> bool:
         """Whether the panel and its dials are searched for in the same way with another placement."""
         one, two = (
-            (placement.dials_move, placement.anchors_agree, placement.lifts, placement.is_upright)
+            (placement.dials_move, placement.apart_px, placement.anchors_agree, placement.lifts, placement.is_upright)
             for placement in (self, other)
         )
         return self.usual is other.usual and one == two

@@ -114,10 +114,10 @@ def _moves(values: Floats, sigmas: Floats, wraps: float | None) -> bool:
 
 
 def _contradictions(data: FlightData, combination: Combination) -> Iterator[str]:
-    """Report pointers that count each other's turns but contradict each other."""
+    """Report pointers that count each other's turns but contradict each other; each may then be an `edge`."""
     (whole,) = (series for series in data.series if series.quantity.name == combination.quantity.name)
     parts = [series for series in data.series if series.quantity.name in combination.parts]
-    apart = ~_is_seen(whole) & np.all([part.has(Status.READ) for part in parts], axis=0)
+    apart = ~_is_seen(whole) & np.all([part.has(Status.READ, Status.EDGE) for part in parts], axis=0)
     count, name = int(apart.sum()), combination.quantity.name
     if count:
         yield f"its pointers contradict each other in {count} frames, where {name} is not read"

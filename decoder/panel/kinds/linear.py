@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from decoder.panel.kinds.straight import (
     Place,
     PlacedMarks,
     Way,
+    bow_per_px,
     corners_of,
     length_px,
     line_at,
@@ -90,8 +92,10 @@ class Linear(Windowed, Strict):
 
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return its value, by pixels along its window."""
-        marks = self.along(corners_of(dial.window))
-        return (Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate, has_drawn_zero=True),)
+        corners = corners_of(dial.window)
+        marks, bow = self.along(corners), bow_per_px(self.moves, corners)
+        known = Quantity(self.name, dial.name, dial.unit, marks, None, None, self.max_rate, has_drawn_zero=True)
+        return (replace(known, bow_per_deg=bow),)
 
     def lines(self, dial: Dial, values: Mapping[str, float]) -> Mapping[str, tuple[Polar, Polar]]:
         """Return the line across its window at which it shows its value."""

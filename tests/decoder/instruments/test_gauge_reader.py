@@ -115,6 +115,24 @@ def test_dial_partly_outside_the_frame_is_not_guessed(
         assert reading.status is Status.READ
 
 
+@pytest.mark.parametrize("apart_px", [(), (0.5, 3.0)])
+def test_dial_whose_rim_is_not_found_is_read_where_the_anchors_put_it(
+    reader: PanelReader, apart_px: tuple[float, ...]
+) -> None:
+    """If dials are located one by one, and this one and the other are not: to within how far apart they usually are."""
+    placed = reader.with_placement(replace(reader.placement, dials_move=True, apart_px=apart_px))
+    frame = draw(hands(250.0))
+    y, x = np.mgrid[: frame.shape[0], : frame.shape[1]]
+    frame[60:170, 184:294] = 255
+    frame[np.abs(np.hypot(x - 85.4, y - 110.7) - 72.0) < 20.0] = 128
+    reading = speed(placed, frame)
+
+    assert reading.status is (Status.READ if apart_px else Status.MISSING)
+    if apart_px:
+        assert reading.angle_deg == pytest.approx(250.0, abs=0.5)
+        assert reading.sigma_deg == pytest.approx(np.degrees(apart_px[0] / 36.0), abs=0.1)
+
+
 def test_gauges_do_not_disturb_each_other(reader: PanelReader) -> None:
     """Nothing that happens on one dial changes what another shows."""
     plain = draw(hands(250.0))

@@ -369,3 +369,16 @@ def test_a_few_marks_tell_nothing_of_the_hand(angles_deg: list[float]) -> None:
     gauges = scaled([np.array(angles_deg)], np.arange(float(len(angles_deg))))
 
     assert marks_missed_px(gauges) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_scale_in_a_narrow_window_is_doubted_between_its_marks() -> None:
+    """Its corners do not tell how much smaller its far half appears; at each mark there is no doubt of that."""
+    window = [[46.5, 20.0], [53.5, 20.0], [53.5, 220.0], [46.5, 220.0]]
+    marks = [[[50.0, 20.0], 0], [[50.0, 120.0], 5], [[50.0, 220.0], 10]]
+    linear = {"name": "flap_deg", "at": [50.0, 40.0], "span": 12, "marks": marks}
+    gauge = Gauge.model_validate({"name": "flaps", "window": window, "linear": linear})
+    (quantity,) = gauge.quantities
+    uncertainty = QuantityUncertainty(0.0, 0.0, 0.0, 57.3, KNOWN, (0.0, 0.0), 57.3, None, bowed=quantity)
+    sigma_px = _drawn_sigma_deg(uncertainty, np.array([0.0, 50.0, 100.0, 150.0, 200.0]))
+
+    assert sigma_px == pytest.approx([0.0, 0.6, 0.0, 0.6, 0.0], abs=0.1)

@@ -129,7 +129,7 @@ def test_dial_that_moves_by_itself_is_where_its_own_marks_are(placer: GaugePlace
 
 
 def test_dial_whose_marks_are_not_found_lies_where_the_others_do(placer: GaugePlacer) -> None:
-    """Its sigma is that of one more of them, two thirds of which lie within it; with one other, nothing is known."""
+    """Its sigma is that of one more of them, two thirds of which lie within it; with one other, what is usual."""
     draws = np.random.default_rng(5).normal((3.0, -2.0), 1.5, (4000, 6, 2))
 
     def told(others: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -149,6 +149,10 @@ def test_dial_whose_marks_are_not_found_lies_where_the_others_do(placer: GaugePl
         assert np.mean(np.abs(off) <= sigma_px) >= 0.68
     alone = GaugePlace(IDENTITY, np.eye(3), (3.0, -2.0), 0.1)
     assert at_consensus([placer] * 2, [None, alone], IDENTITY) == [None, alone]
+    anchored, same = at_consensus([placer] * 2, [None, alone], IDENTITY, apart_px=(1.5, 0.7))
+    assert same is alone
+    assert anchored is not None
+    assert (anchored.shift_px, anchored.sigma_px, anchored.alignment) == ((0.0, 0.0), 1.5, IDENTITY)
 
 
 def test_another_perspective_is_taken_along(placer: GaugePlacer) -> None:

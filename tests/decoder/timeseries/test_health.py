@@ -91,9 +91,11 @@ def test_what_is_hardly_read_is_told_what_picture_to_draw_it_on(written: Written
     assert finding.endswith(advice)
 
 
-def test_pointers_that_contradict_each_other_are_named() -> None:
-    """Each is read, but their combined value is not."""
+@pytest.mark.parametrize("alone", [Status.READ, Status.EDGE])
+def test_pointers_that_contradict_each_other_are_named(alone: Status) -> None:
+    """Each is seen, though it may be an `edge` without the others, but their combined value is not read."""
     parts = [series_of([1, 2, 3, 4], name="fine"), series_of([10, 20, 30, 40], name="coarse")]
+    parts = [replace(part, status=np.full_like(part.status, CODE[alone])) for part in parts]
     both = series_of([1, 2, 3, 4], name="both", missing=2)
     combination = Combination(both.quantity, ("fine", "coarse"), 100.0, 0.2)
     (findings,) = gauge_health(flight_of(*parts, both, combinations=(combination,)), {}).values()
