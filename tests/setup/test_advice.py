@@ -15,9 +15,8 @@ import yaml
 
 from benchmarks.real_pictures import PANELS, PICTURES
 from decoder.instruments.reading import Status
-from decoder.setup.answers import advice_answer
 from decoder.setup.drawn_plane import DrawnPlane
-from decoder.setup.finding.advice import Fit, Sight, advised, shows_the_same
+from decoder.setup.proposing.advice import Fit, Sight, advice_answer, advised, shows_the_same
 from decoder.setup.requests import TrialQuestion
 from decoder.setup.session import SetupSession
 from decoder.setup.trial import FrameTrial, NeedleTrial, Trial, tried

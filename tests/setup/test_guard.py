@@ -187,7 +187,7 @@ QUESTIONS: dict[str, tuple[str, Any]] = {
     "rim": ("POST", {**SEEN, "points": RIM, "ring": {"centre": [100, 100], "radius": 40.0, "rim": RIM}}),
     "mark": ("POST", {**SEEN, "centre": [100.0, 100.0], "rim": RIM, "click": [140.0, 100.0]}),
     "needles": ("POST", {**SEEN, **DIAL, "document": PANEL, "near": 200.0, "needle_height_inches": 0.1,
-                         "pivot": [512.0, 384.0], "tab": "t"}),
+                         "tab": "t"}),
     "trial": ("POST", {**DRAFT, "gauge": 0, "tab": "t"}),
     "paste": ("POST", {**DRAFT, "to": "frame-1"}),
 }  # fmt: skip
