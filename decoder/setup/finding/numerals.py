@@ -5,7 +5,6 @@ The package is an extra. What it reads is only as good as its agreement with the
 
 from __future__ import annotations
 
-import logging
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -110,19 +109,14 @@ def _idle_engines() -> SimpleQueue[Any]:
 def _new_engine() -> Any:  # noqa: ANN401 - of a package that may be absent
     from rapidocr import RapidOCR  # noqa: PLC0415 - an extra, and half a second
 
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        return RapidOCR(
-            params={
-                "Global.max_side_len": 1 << 15,
-                "Global.log_level": "critical",
-                "Global.use_cls": False,
-                "EngineConfig.onnxruntime.intra_op_num_threads": 1,
-            }
-        )
-    finally:
-        logging.disable(before)
+    return RapidOCR(
+        params={
+            "Global.max_side_len": 1 << 15,
+            "Global.log_level": "critical",
+            "Global.use_cls": False,
+            "EngineConfig.onnxruntime.intra_op_num_threads": 1,
+        }
+    )
 
 
 def seen_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
