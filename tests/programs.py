@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import copy
+import csv
 import json
 import os
 import subprocess
@@ -13,6 +14,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
+
+import yaml
 
 from decoder.parallel.processes import ONE_EACH
 
@@ -93,6 +96,23 @@ def says(done: Done, *words: str) -> None:
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file below a folder, by its place there."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def rows_of(table: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with table.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def yaml_of(file: Path) -> Any:  # noqa: ANN401 - what YAML holds
+    """What stands in a YAML file."""
+    return yaml.safe_load(file.read_text(encoding="utf-8"))
+
+
+def write_yaml(file: Path, content: object) -> Path:
+    """A YAML file with this in it."""
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return file
 
 
 def places(node: object, at: Place = ()) -> Iterator[Place]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Callable, Iterable
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from PIL import Image, ImageDraw
 
 from flight_file.reader import open_flight
@@ -19,7 +17,7 @@ from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
-from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran
+from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran, rows_of, yaml_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +36,7 @@ class Decoded:
     @property
     def rows(self) -> list[dict[str, str]]:
         """The rows of the flight data."""
-        with self.csv_file.open(encoding="utf-8", newline="") as stream:
-            return list(csv.DictReader(stream))
+        return rows_of(self.csv_file)
 
     @property
     def described(self) -> dict[str, Any]:
@@ -106,9 +103,7 @@ def make_flight(tmp_path: Path) -> MakeFlight:
 
 def without_knob(jpeg: bytes) -> bytes:
     """A frame of the animation with its only anchor painted over."""
-    left, top, width, height = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))["anchors"][0][
-        "box"
-    ]
+    left, top, width, height = yaml_of(FIXTURES / "panel.yaml")["anchors"][0]["box"]
     picture, painted = Image.open(io.BytesIO(jpeg)), io.BytesIO()
     ImageDraw.Draw(picture).rectangle([left - 30, top - 30, left + width + 30, top + height + 30], fill=(60, 60, 60))
     picture.save(painted, "JPEG", quality=90)

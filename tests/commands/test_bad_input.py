@@ -18,7 +18,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from PIL import Image, ImageDraw
 
 from decoder.imaging.panel_pictures import panel_from_attachments
@@ -27,7 +26,7 @@ from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
-from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, ran, says
+from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, ran, says, write_yaml, yaml_of
 
 PANEL = FIXTURES / "panel.yaml"
 Decode = Callable[..., Any]
@@ -107,10 +106,10 @@ def test_wrong_panel_is_named(
     words: list[str],
 ) -> None:
     """A mistake in the panel is one sentence with the path of the wrong value; one found nowhere gives no table."""
-    panel: Panel = yaml.safe_load(PANEL.read_text(encoding="utf-8"))
+    panel: Panel = yaml_of(PANEL)
     (tmp_path / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
     change(panel, tmp_path / "panel.jpg")
-    (tmp_path / "drawn.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+    write_yaml(tmp_path / "drawn.yaml", panel)
 
     flight = make_flight(pictures[:2])  # where a panel is found in no frame, each is searched long
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tracemalloc
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Future
@@ -18,6 +17,7 @@ from decoder.parallel.flights import FleetFlight
 from decoder.parallel.index import KINDS, Index, Outcome, State, failed, from_row
 from decoder.parallel.order import Order, Versions
 from decoder.parallel.running import run_fleet
+from tests.programs import rows_of
 
 MANY_LOSSES = " | ".join(f"a.mcap: loss {number}" for number in range(20_000))
 ORDER = Order("/out", "normxcorr", ("csv",), False, None, None, Versions("ours 1", ("numpy 2",)))
@@ -124,8 +124,7 @@ def test_index_waits_on_the_disk(tmp_path: Path) -> None:
         index.put(str(tmp_path), parquet=False)
         _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    with (tmp_path / "index.csv").open(encoding="utf-8", newline="") as stream:
-        names = [row["flight"] for row in csv.DictReader(stream)]
+    names = [row["flight"] for row in rows_of(tmp_path / "index.csv")]
 
     assert names == [f"f{number:06d}" for number in range(count)]
     assert peak_bytes < 3e6

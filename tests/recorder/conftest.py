@@ -10,7 +10,6 @@ from queue import SimpleQueue
 from typing import Any
 
 import pytest
-import yaml
 from PIL import Image
 
 from benchmarks.harm import Disk, mounted_disk
@@ -21,6 +20,7 @@ from recorder.capture import Wiring
 from recorder.config import RecorderConfig, parse_config
 from recorder.frame_queue import FrameQueue
 from recorder.host import Host
+from tests.programs import write_yaml
 from tests.recorder.helpers import Configure, Daemon, ManualClock, PuppetCamera, StartDaemon, WriteConfig
 
 START_NS = 1_525_435_200_000_000_000  # 2018-05-04T12:00:00Z
@@ -73,7 +73,7 @@ def write_config(tmp_path: Path, document: dict[str, Any]) -> WriteConfig:
     def write(**blocks: dict[str, Any]) -> Path:
         changed = {**document, **{name: {**document.get(name, {}), **block} for name, block in blocks.items()}}
         path = tmp_path / "recorder.yaml"
-        path.write_text(yaml.safe_dump(changed))
+        write_yaml(path, changed)
         return path
 
     return write

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -12,7 +11,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import IDENTITY
@@ -34,7 +32,7 @@ from decoder.setup.proposing.draft import drafted
 from decoder.setup.proposing.search import Anchors
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-from tests.programs import A1, FIXTURES, ran
+from tests.programs import A1, FIXTURES, ran, rows_of, yaml_of
 
 CENTRE = (203.4, 198.7)
 RADIUS_PX = 120.0
@@ -375,11 +373,9 @@ def test_a_drawn_cockpit_is_found(tmp_path: Path) -> None:
     drafted(SetupSession(open_source([flight]), None, panel))
     ran("decode", flight, "--panel", panel, "-o", tmp_path, "--format", "csv")
 
-    with (SHARED / "cockpit_flight" / "flight_a_truth.csv").open(encoding="utf-8") as rows:
-        truth = list(csv.DictReader(rows))
-    with (tmp_path / "flight.csv").open(encoding="utf-8") as rows:
-        told = list(csv.DictReader(rows))
-    gauges = yaml.safe_load(panel.read_text(encoding="utf-8"))["gauges"]
+    truth = rows_of(SHARED / "cockpit_flight" / "flight_a_truth.csv")
+    told = rows_of(tmp_path / "flight.csv")
+    gauges = yaml_of(panel)["gauges"]
     columns = [(gauge.get("combined") or gauge.get("card") or gauge["needles"][0])["name"] for gauge in gauges]
     assert set(columns) == set(WHOLE)
     for column, name in WHOLE.items():
@@ -407,7 +403,7 @@ def test_proposing_begins_a_panel_and_edits_none(tmp_path: Path) -> None:
 
 def test_a_second_draft_in_a_folder_has_a_picture_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Minutes of finding do not end in a refusal: the first draft's picture stays, and the second names its own."""
-    document = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    document = yaml_of(FIXTURES / "panel.yaml")
     gauge = proposed_gauge(document["gauges"][0])
     monkeypatch.setattr(
         "decoder.setup.proposing.draft.tried_search", lambda *_: iter([Anchors(document["anchors"], 3), gauge])

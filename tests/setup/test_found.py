@@ -13,7 +13,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from numpy.typing import NDArray
 from playwright.sync_api import Locator, Page, expect
 
@@ -25,11 +24,9 @@ from decoder.setup.finding.proposal import ProposedGauge, SeenMark
 from decoder.setup.proposing.search import Anchors, Looking, Step, Withdrawn, search
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-from tests.programs import ran, until
-from tests.setup.hand import Hand
+from tests.programs import ran, until, yaml_of
+from tests.setup.hand import Hand, OpenPage, Start
 
-Start = Callable[..., Any]
-OpenPage = Callable[..., Page]
 Searched = Callable[..., None]
 
 # The first two dials of the flight, and how the first one is drawn rightly.
@@ -147,7 +144,7 @@ def test_all_that_was_read_is_accepted_at_once_and_saved(start: Start, open_page
     expect(page.locator("#outline .of-gauge .count").first).to_have_text("20/20")
     assert names(page) == ["dial"]
     hand.save()
-    panel = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))
+    panel = yaml_of(running.session.target)
     assert [each["name"] for each in panel["gauges"]] == ["tachometer", "tachometer_1"]
     assert [each["needles"][0]["name"] for each in panel["gauges"]] == ["tachometer_pct", "tachometer_pct_2"]
     assert panel["anchors"] == list(ANCHORS.anchors)
@@ -359,7 +356,7 @@ def test_a_drawn_dial_is_found_accepted_and_read(start: Start, open_page: OpenPa
     assert [float(each.split()[0]) for each in shown] == pytest.approx(VALUES, abs=0.5)
 
     Hand(page).save()
-    (gauge,) = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))["gauges"]
+    (gauge,) = yaml_of(running.session.target)["gauges"]
     assert (gauge["name"], gauge["unit"]) == ("airspeed", "kt")
     values = Scale.of(tuple(map(tuple, gauge["scale"]))).values_at(np.array(list(SCALE.values())))
     assert values == pytest.approx(list(SCALE), abs=0.5)

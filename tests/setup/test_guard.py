@@ -10,14 +10,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from decoder.setup.app import page_files
 from decoder.setup.session import SetupSession
 from flight_file.thresholds import MAX_YAML_BYTES
-from tests.programs import FIXTURES, spoilt
+from tests.programs import FIXTURES, spoilt, yaml_of
 
 Answer = tuple[int, Any, Mapping[str, str]]
 Send = Callable[..., Answer]
@@ -171,7 +170,7 @@ def test_page_names_no_other_place() -> None:
     }
 
 
-PANEL: dict[str, Any] = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+PANEL: dict[str, Any] = yaml_of(FIXTURES / "panel.yaml")
 LONGEST_SENTENCE = 600
 EXAMPLES = 30
 SEEN = {"picture": "frame-0", "focal_length_mm": 4.45, "reference_points": [], "level": PANEL["level"]}

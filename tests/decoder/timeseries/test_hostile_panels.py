@@ -12,7 +12,6 @@ from typing import Any
 
 import cv2
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +21,7 @@ from decoder.parallel.decoding import decoded_flight
 from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
 from tests.decoder.cockpit import DOCUMENT, draw
-from tests.programs import spoilt
+from tests.programs import spoilt, write_yaml
 
 EXAMPLES = 30
 LONGEST_SENTENCE = 500
@@ -84,16 +83,16 @@ def decode(tmp_path: Path) -> Callable[[Content, Content | None], None]:
     for name in ("panel.png", "other.png"):
         cv2.imwrite(str(folder / name), draw(angles))
     os.mkfifo(folder / "fifo")
-    (folder / "panel.yaml").write_text(yaml.safe_dump(DOCUMENT), encoding="utf-8")
+    write_yaml(folder / "panel.yaml", DOCUMENT)
     pictures, flight = [tmp_path / f"{step}.jpg" for step in range(3)], tmp_path / "tiny.mcap"
     for step, picture in enumerate(pictures):
         cv2.imwrite(str(picture), draw({**angles, "speed_kt": 214.0 + 9 * step}))
     record_flight(pictures, folder / "panel.yaml", flight)
 
     def run(panel: Content, camera: Content | None = None) -> None:
-        (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+        write_yaml(folder / "panel.yaml", panel)
         if camera is not None:
-            (folder / "camera.yaml").write_text(yaml.safe_dump(camera), encoding="utf-8")
+            write_yaml(folder / "camera.yaml", camera)
         done = decoded_flight(
             open_flight([flight]),
             folder / "panel.yaml",
