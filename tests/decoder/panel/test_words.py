@@ -11,7 +11,8 @@ from pydantic import ValidationError
 
 from decoder.panel.description import SAID, UNKNOWN, problems_in
 from decoder.panel.panel import Panel
-from tests.programs import FIXTURES, places, yaml_of
+from tests.hostile import places
+from tests.programs import FIXTURES, yaml_of
 from tests.windows import IN_WINDOWS, WINDOW
 
 DAMAGE: tuple[Any, ...] = (None, "two words", [], -1, 1e9, float("nan"), {"a": 1})
