@@ -88,6 +88,7 @@ def test_large_body_is_refused(send: Send, says_so: bool) -> None:  # noqa: FBT0
         *(b"", b"no json", b"[]", b"{}", b"\xff\xfe", b'{"picture": "panel"', b"[" * 100_000),
         b'{"picture": "../x", "document": {}, "revision": 0}',
         b'{"picture": "frame-0", "document": {}, "revision": 0, "more": 1}',
+        b'{"picture": "frame-0", "document": {"name": "\\ud800"}}',
     ],
 )
 def test_invalid_body_is_refused(send: Send, body: bytes) -> None:
