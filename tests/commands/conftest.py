@@ -12,11 +12,8 @@ from typing import Any
 import pytest
 from PIL import Image, ImageDraw
 
+from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
-from recorder.config import parse_config
-from recorder.host import SimulatedClock, fixed_host
-from recorder.journal import Journal
-from recorder.run import record
 from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran, rows_of, yaml_of
 
 
@@ -84,18 +81,8 @@ def make_flight(tmp_path: Path) -> MakeFlight:
         camera.mkdir()
         for number, jpeg in enumerate(jpegs):
             (camera / f"{number:05d}.jpg").write_bytes(jpeg)
-        document = {
-            "camera": {"driver": "replay", "path": str(camera), "rate_hz": 4, "pace": "fastest"},
-            "storage": {"directory": str(tmp_path / f"{name}_storage"), "segment_s": 3600, "keep_free_gib": 0},
-        }
-        if panel is not None:
-            document["attach"] = {"panel": str(panel)}
-        outcome = record(
-            parse_config(document), host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()), name=name
-        )
-        (segment,) = outcome.paths
         target = tmp_path / f"{name}.mcap"
-        target.write_bytes(segment.read_bytes())
+        record_flight(sorted(camera.iterdir()), panel, target)
         return target
 
     return make
