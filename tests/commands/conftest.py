@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw
 
 from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
+from tests.jpegs import encoded
 from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran, rows_of, yaml_of
 
 
@@ -91,10 +92,9 @@ def make_flight(tmp_path: Path) -> MakeFlight:
 def without_knob(jpeg: bytes) -> bytes:
     """A frame of the animation with its only anchor painted over."""
     left, top, width, height = yaml_of(FIXTURES / "panel.yaml")["anchors"][0]["box"]
-    picture, painted = Image.open(io.BytesIO(jpeg)), io.BytesIO()
+    picture = Image.open(io.BytesIO(jpeg))
     ImageDraw.Draw(picture).rectangle([left - 30, top - 30, left + width + 30, top + height + 30], fill=(60, 60, 60))
-    picture.save(painted, "JPEG", quality=90)
-    return painted.getvalue()
+    return encoded(picture, quality=90)
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ from recorder.capture import Wiring
 from recorder.config import RecorderConfig, parse_config
 from recorder.frame_queue import FrameQueue
 from recorder.host import Host
+from tests.jpegs import encoded
 from tests.programs import write_yaml
 from tests.recorder.helpers import Configure, Daemon, ManualClock, PuppetCamera, StartDaemon, WriteConfig
 
@@ -33,9 +33,8 @@ def forty_pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for index in range(40):
         exif = Image.Exif()
         exif.get_ifd(0x8769).update({0x9003: "2018:05:04 12:00:00", 0x920A: 4.45 + index})
-        buffer = io.BytesIO()
-        Image.new("RGB", (64, 48), (index, 20, 40)).save(buffer, "JPEG", exif=exif)
-        (folder / f"{index:03d}.jpg").write_bytes(buffer.getvalue())
+        picture = Image.new("RGB", (64, 48), (index, 20, 40))
+        (folder / f"{index:03d}.jpg").write_bytes(encoded(picture, exif=exif))
     return folder
 
 

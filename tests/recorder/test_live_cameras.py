@@ -25,6 +25,7 @@ from recorder.supervision import Stop
 from tests.camera_drivers.picamera import rpicam_vid
 from tests.camera_drivers.rtsp.server import Server, Show, nal_units
 from tests.camera_drivers.uvc.webcam import PATH, Webcam
+from tests.jpegs import encoded
 from tests.programs import PATIENCE_S, begun, until, write_yaml
 from tests.recorder.helpers import messages, recorder
 from tests.videos import film, packets
@@ -40,9 +41,7 @@ def jpegs() -> list[bytes]:
 
 def jpeg(number: int) -> bytes:
     """A picture that differs from any other."""
-    buffer = io.BytesIO()
-    Image.new("RGB", (64, 48), (number, 20, 40)).save(buffer, "JPEG", comment=str(number))
-    return buffer.getvalue()
+    return encoded(Image.new("RGB", (64, 48), (number, 20, 40)), comment=str(number))
 
 
 def write_config(folder: Path, camera: dict[str, Any]) -> Path:
