@@ -17,7 +17,6 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from hypothesis import assume
 from hypothesis import strategies as st
-from PIL import Image
 
 from flight_file.documents import picture_header
 from flight_file.reader import open_flight
@@ -27,6 +26,7 @@ from recorder.config import parse_config
 from recorder.host import SimulatedClock, fixed_host
 from recorder.journal import Journal
 from recorder.run import record
+from tests.jpegs import plain_picture
 from tests.sounds import recorded, times_s
 from tests.videos import film
 
@@ -96,13 +96,11 @@ def _changed(document: Any, draw: st.DrawFn) -> Any:  # noqa: ANN401
     return draw(HOSTILE)
 
 
-def _plain(kind: str, **options: Any) -> bytes:  # noqa: ANN401 - Pillow's
-    stream = io.BytesIO()
-    Image.new("RGB", (64, 48), (90, 120, 60)).save(stream, kind, **options)
-    return stream.getvalue()
-
-
-PLAIN = (_plain("JPEG"), _plain("JPEG", progressive=True), _plain("PNG"), _plain("BMP"), _plain("WEBP"), _plain("GIF"))
+PLAIN = (
+    plain_picture(),
+    plain_picture(progressive=True),
+    *(plain_picture(kind) for kind in ("PNG", "BMP", "WEBP", "GIF")),
+)
 
 
 @st.composite

@@ -1,18 +1,20 @@
-"""What tests of the programs share: where things are, programs run to their end, and damage to documents."""
+"""What tests of the programs share: where things are, programs run to their end, and what stands in their files."""
 
 from __future__ import annotations
 
 import atexit
-import copy
+import csv
 import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
+
+import yaml
 
 from decoder.parallel.processes import ONE_EACH
 
@@ -26,7 +28,6 @@ PATIENCE_S = 120
 Done = subprocess.CompletedProcess[str]
 Run = Callable[..., Done]
 MakeFlight = Callable[..., Path]
-Place = tuple[str | int, ...]
 
 
 # As before any test: whichever asks first, programs can be traced for coverage. And a thread pool that a fork leaves
@@ -95,23 +96,18 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def places(node: object, at: Place = ()) -> Iterator[Place]:
-    """Where values stand in a document, lists and mappings too."""
-    if at:
-        yield at
-    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
-    for key, below in items:
-        yield from places(below, (*at, key))
+def rows_of(table: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with table.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
 
 
-def spoilt(content: Any, replaced: list[tuple[int, Any]]) -> Any:  # noqa: ANN401 - what YAML or JSON holds
-    """A document with some values replaced; the numbers choose which."""
-    whole = copy.deepcopy(content)
-    for number, value in replaced:
-        there = list(places(whole))
-        *parents, last = there[number % len(there)]
-        owner = whole
-        for key in parents:
-            owner = owner[key]
-        owner[last] = copy.deepcopy(value)
-    return whole
+def yaml_of(file: Path) -> Any:  # noqa: ANN401 - what YAML holds
+    """What stands in a YAML file."""
+    return yaml.safe_load(file.read_text(encoding="utf-8"))
+
+
+def write_yaml(file: Path, content: object) -> Path:
+    """A YAML file with this in it."""
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return file

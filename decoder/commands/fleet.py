@@ -6,6 +6,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
 from importlib.util import find_spec
 from types import FrameType
 from typing import NoReturn
@@ -140,7 +141,7 @@ def _tell_end(counts: Counter[str], written: Sequence[str]) -> None:
 
 def _write_index(index: Index, order: Order) -> list[str]:
     """Write the index, with the rows that earlier runs left for other flights."""
-    with index:
+    with closing(index):
         index.add_earlier(order.output)
         return index.put(order.output, parquet="parquet" in order.formats)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees, Number, at_most
 from decoder.panel.description import Name, Point, Positive, Strict, Text
@@ -28,12 +28,11 @@ from decoder.panel.scale import (
     FULL_CIRCLE_DEG,
     MOST_POINTS,
     Combination,
+    DialMarks,
     Gearing,
-    Marks,
     Quantity,
     check_turn,
     marks_at,
-    monotone,
 )
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.panel.window import WINDOW_ARC_PX, Corners, as_dial, check_corners
@@ -71,7 +70,7 @@ class Gauge(Strict):
 
     name: Text
     """Of the dial; `decode frames --gauge` calls it so."""
-    window: Corners | None = None
+    window: Annotated[Corners, AfterValidator(check_corners)] | None = None
     """The corners of what is no dial, clockwise from its top left; in place of `centre`, `radius`, `sweep`, `scale`."""
     centre: Point
     """Where the needle turns, which need not be the middle of the dial."""
@@ -91,7 +90,7 @@ class Gauge(Strict):
     """The needle reaches across its centre into the ring, and its tail may be taken for its tip."""
     unit: Text = ""
     """Of the values; the flight data carry it."""
-    scale: Marks
+    scale: DialMarks
     """[angle, value] of two marks or more; straight in between, and beyond the outermost."""
     wraps: Positive | None = None
     """What a full turn is worth, where values begin again after it; the sweep is then 360 degrees."""
@@ -123,11 +122,6 @@ class Gauge(Strict):
             return given
         return as_dial(dict(given)) if given.get("window") is not None else _with_tube(given)
 
-    @field_validator("window")
-    @classmethod
-    def _window_is_one(cls, window: Corners | None) -> Corners | None:
-        return window and check_corners(window)
-
     @field_validator("radius")
     @classmethod
     def _radius_grows(cls, radius: tuple[float, float]) -> tuple[float, float]:
@@ -148,11 +142,6 @@ class Gauge(Strict):
         if not 0 < sweep[1] - sweep[0] <= FULL_CIRCLE_DEG:
             raise ValueError("is empty or more than a turn; give it clockwise, such as [120, 420]")
         return sweep
-
-    @field_validator("scale")
-    @classmethod
-    def _scale_is_monotone(cls, scale: Marks) -> Marks:
-        return monotone(scale)
 
     @property
     def _given(self) -> list[DescribedKind]:

@@ -21,30 +21,23 @@ Drawn = dict[str, Any]
 class Dial(Protocol):
     """What a kind needs of its gauge, as `decoder.panel.gauge.Gauge`."""
 
+    name: str
+    radius: tuple[float, float]
+    sweep: tuple[float, float]
+    tail: bool
+    unit: str
+    scale: Marks
+    wraps: float | None
+    centre: tuple[float, float]
+
     @property
-    def name(self) -> str: ...  # noqa: D102 - said there
-    @property
-    def radius(self) -> tuple[float, float]: ...  # noqa: D102
-    @property
-    def sweep(self) -> tuple[float, float]: ...  # noqa: D102
+    def window(self) -> tuple[tuple[float, float], ...] | None: ...  # noqa: D102 - said there
     @property
     def reach(self) -> tuple[float, float]: ...  # noqa: D102
     @property
     def beyond_deg(self) -> float: ...  # noqa: D102
     @property
     def is_round(self) -> bool: ...  # noqa: D102
-    @property
-    def tail(self) -> bool: ...  # noqa: D102
-    @property
-    def unit(self) -> str: ...  # noqa: D102
-    @property
-    def scale(self) -> Marks: ...  # noqa: D102
-    @property
-    def wraps(self) -> float | None: ...  # noqa: D102
-    @property
-    def window(self) -> tuple[tuple[float, float], ...] | None: ...  # noqa: D102
-    @property
-    def centre(self) -> tuple[float, float]: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from decoder.panel.arrays import Degrees, Floats, Mask, Number
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS, LEAST_DEG, LEAST_VALUE
@@ -45,6 +45,10 @@ def monotone(scale: Marks) -> Marks:
     ):
         raise ValueError(f"has two marks less than {LEAST_DEG:g} degrees or {LEAST_VALUE:g} apart; remove one")
     return tuple(marks)
+
+
+DialMarks = Annotated[Marks, AfterValidator(monotone)]
+"""Marks of a dial that somebody drew."""
 
 
 def marks_at(scale: Marks, true_deg: Callable[[float], float]) -> Marks:

@@ -16,8 +16,9 @@ from enum import StrEnum
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
+
+import msgspec
 
 from decoder.outputs.csv_output import moment_text
 from decoder.outputs.outputs import Decoded
@@ -122,13 +123,8 @@ def decoded_outcome(flight: FleetFlight, decoded: Decoded, outputs: list[str]) -
     )
 
 
-def as_row(outcome: Outcome) -> dict[str, Any]:
-    """Return the row by column, as JSON can hold it."""
-    return asdict(outcome)
-
-
 def from_row(row: Mapping[str, Any]) -> Outcome:
-    """Read a row, from JSON or CSV.
+    """Read a row of CSV.
 
     Raises
     ------
@@ -174,35 +170,28 @@ class Finished:
 
 def to_marker(finished: Finished) -> str:
     """Write a marker."""
-    content = {
-        "key": finished.key,
-        "stamps": [asdict(stamp) for stamp in finished.stamps],
-        "outcome": as_row(finished.outcome),
-    }
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    return msgspec.json.format(msgspec.json.encode(finished), indent=2).decode() + "\n"
 
 
 def from_marker(content: bytes | None) -> Finished | None:
     """Read a marker; None if there is none, or it is not one of ours."""
     try:
-        found = json.loads(content or b"null")
-        stamps = tuple(Stamp(**stamp) for stamp in found["stamps"])
-        return Finished(found["key"], stamps, from_row(found["outcome"]))
-    except (ValueError, KeyError, TypeError):
+        return msgspec.json.decode(content or b"", type=Finished)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
 
 
 class Index:
-    """Takes outcomes in any order; to be used in a `with` block."""
+    """Takes outcomes in any order; to be closed, as by `contextlib.closing`."""
 
     def __init__(self) -> None:
         self._places: dict[str, int] = {}
-        self._rows = tempfile.TemporaryFile(prefix="fleet-")  # noqa: SIM115 - closed by the `with` block it is made for
+        self._rows = tempfile.TemporaryFile(prefix="fleet-")  # noqa: SIM115 - until it is closed
 
     def add(self, outcome: Outcome) -> None:
         """Add a row; a later one of the same flight replaces it."""
         # A path need not be valid text, but a table can only hold valid text.
-        row = {name: printable(value) if isinstance(value, str) else value for name, value in as_row(outcome).items()}
+        row = {name: printable(value) if isinstance(value, str) else value for name, value in asdict(outcome).items()}
         self._places[row["flight"]] = self._rows.seek(0, io.SEEK_END)
         self._rows.write(json.dumps(row).encode() + b"\n")
 
@@ -248,12 +237,8 @@ class Index:
                 store_of(output).put(path, written[-1])
         return written
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Remove the temporary file."""
         self._rows.close()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Protocol, Self
@@ -24,7 +25,7 @@ LOOK_S = 5.0  # between checks for workers, while nothing arrives
 LOST = "the scheduler was lost; start it and run the same command again: finished flights are kept"
 
 
-class Workers(Protocol):
+class Workers(AbstractContextManager["Workers"], Protocol):
     """Whatever decodes flights; used in a `with` block, at whose end none of them still works for us.
 
     An error that leaves the block, including Ctrl-C, stops what is in work.
@@ -47,12 +48,6 @@ class Workers(Protocol):
     def killed(self, error: BaseException) -> int:
         """Return how many workers died of a flight that ended with this error; 0 if it was not a death."""
         ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
 
 
 class HomeWorkers:

@@ -22,9 +22,8 @@ from decoder.panel.gauge import KINDS, Gauge
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, around_hub, begun, centre_doubt_px, mark_angle_deg, refined
-from decoder.setup.drafts import RememberedPanel, Stale
+from decoder.setup.drafts import Stale
 from decoder.setup.drawn_plane import height_inches
-from decoder.setup.finding.advice import Sight, advised
 from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.pasting import pasted
 from decoder.setup.proposals import AROUND_DEG, Proposal, needle_at, proposed, turning_px
@@ -143,10 +142,8 @@ def picture_answer(session: SetupSession, key: str) -> Answer:
 def needles_answer(session: SetupSession, asked: NeedlesQuestion, stale: Stale) -> Answer:
     """Find needles as what moves between frames."""
     planes, seen = session.planes(asked.document, asked.picture), session.seen(asked.document, asked.picture, stale)
-    drawn = planes.drawn(asked.centre, asked.rim)
-    if asked.pivot is not None:
-        drawn = drawn.around(asked.pivot)
-    dial = replace(asked.dial(drawn.plane), raised=planes.raised(asked.needle_height_inches))
+    plane = planes.drawn(asked.centre, asked.rim).plane
+    dial = replace(asked.dial(plane), raised=planes.raised(asked.needle_height_inches))
     if asked.near is not None:
         around = replace(dial, sweep_deg=(asked.near - AROUND_DEG, asked.near + AROUND_DEG))
         found = needle_at(seen, around, asked.near)
@@ -227,38 +224,6 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
         "film": film_view(seen, gauge.centre, gauge.radius[1]),
         "dial": {"size": DIAL_PX, "half": gauge.radius[1] * DIAL_MARGIN},
     }
-
-
-def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> Answer:
-    """Offer ways to draw a gauge that fit the sample better, and say by how much."""
-    document, key = asked.document, asked.picture
-    gauge = document["gauges"][asked.gauge]
-    frames, planes = session.frames(), session.planes(document, key)
-
-    def source_of(drawn: Answer) -> RememberedPanel:
-        gauges = [drawn if place == asked.gauge else each for place, each in enumerate(document["gauges"])]
-        return session.panel_of_gauge({**document, "gauges": gauges}, key, asked.gauge)
-
-    def sight(moved_px: tuple[float, float] | None) -> Sight:
-        drawn = planes.drawn(tuple(gauge["centre"]), gauge.get("rim"))
-        is_oblique = bool(gauge.get("rim")) or planes.inches is not None or drawn.lens is not None
-        return Sight(drawn, is_oblique, height_inches(source_of(gauge), moved_px))
-
-    def axis(drawn: Answer, near_deg: float, pivot: tuple[float, float]) -> float:
-        own = ("centre", "radius", "sweep", "rim", "needle_height_inches")
-        told = ("focal_length_mm", "reference_points", "level")
-        whole: Answer = {"document": document, "picture": key, "near": near_deg, "pivot": pivot, "tab": asked.tab}
-        whole |= {name: drawn[name] for name in own if name in drawn}
-        whole |= {name: document[name] for name in told if name in document}
-        return float(needles_answer(session, NeedlesQuestion.model_validate(whole), stale)["at"])
-
-    try:
-        if gauge.get("window"):
-            return {"offers": []}
-        offers = advised(gauge, sight, lambda drawn: tried(source_of(drawn), frames, stale), axis)
-    except PanelError:  # the trial reports it
-        return {"offers": []}
-    return {"offers": [asdict(each) for each in offers]}
 
 
 def paste_answer(session: SetupSession, asked: PasteQuestion) -> Answer:

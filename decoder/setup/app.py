@@ -31,6 +31,7 @@ from decoder.panel.errors import DecoderError, DescriptionError, PictureError
 from decoder.setup import answers, requests
 from decoder.setup.drafts import Stale, Superseded
 from decoder.setup.guard import BodyTooLarge, Guard
+from decoder.setup.proposing.advice import advice_answer
 from decoder.setup.proposing.trying import tried_search
 from decoder.setup.requests import NeedlesQuestion, NotUnderstood, Question, TrialQuestion, question
 from decoder.setup.session import NotValid, SavedElsewhere, SetupSession, WouldReplace
@@ -207,7 +208,7 @@ def _question_routes(session: SetupSession) -> list[Route]:
         in_turn("/api/needles", requests.NeedlesQuestion, answers.needles_answer, many),
         in_turn("/api/turning", requests.TurningQuestion, answers.turning_answer, many),
         in_turn(TRIAL, requests.TrialQuestion, answers.trial_answer, one_trial),
-        in_turn(ADVICE, requests.TrialQuestion, answers.advice_answer, one_trial),
+        in_turn(ADVICE, requests.TrialQuestion, advice_answer, one_trial),
     ]
 
 

@@ -187,7 +187,7 @@ def bent(ring: Ring, points: Sequence[XY]) -> Ring:
     for _ in range(BEND_PASSES):
         seen = found.drawn.to_dial(places)
         further = np.hypot(*seen) - found.radius_px
-        step = np.linalg.lstsq(_design(np.arctan2(seen[1], seen[0]), Freedom.ELLIPSE), further, rcond=1e-4)[0]
+        step = np.linalg.lstsq(ring_design(np.arctan2(seen[1], seen[0]), Freedom.ELLIPSE), further, rcond=1e-4)[0]
         found = found.stepped(np.clip(step, -0.3 * found.radius_px, 0.3 * found.radius_px))
         if not np.isfinite(found.drawn.plane.matrix).all() or found.radius_px <= 1.0 or found.flatness > MAX_FLATNESS:
             raise PictureError("no ellipse goes through these points; click them all round the rim")
@@ -197,7 +197,7 @@ def bent(ring: Ring, points: Sequence[XY]) -> Ring:
 def fitted_ring(picture: GreyPicture, drawn: Ring, freedom: Freedom) -> Ring:
     """Fit a drawn ring to the nearest edges; it stays if there are none."""
     angles = np.arange(ANGLES) * (2 * np.pi / ANGLES)
-    design = _design(angles, freedom)
+    design = ring_design(angles, freedom)
     ring, sign = drawn, 0.0
     for reach in np.linspace(MAX_MOVE_PX, LAST_REACH_PX, ROUNDS):
         offsets = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
@@ -213,7 +213,7 @@ def fitted_ring(picture: GreyPicture, drawn: Ring, freedom: Freedom) -> Ring:
     return ring if abs(ring.radius_px - drawn.radius_px) <= MAX_MOVE_PX else drawn
 
 
-def _design(angles: Floats, freedom: Freedom) -> NDArray[np.float64]:
+def ring_design(angles: Floats, freedom: Freedom) -> NDArray[np.float64]:
     """(N, freedom): how far out each parameter of a step moves the edge at each angle."""
     columns = [np.cos(angles), np.sin(angles), np.ones_like(angles), np.cos(2 * angles), np.sin(2 * angles)]
     return np.stack(columns[:freedom], axis=1)
@@ -299,7 +299,7 @@ def centre_doubt_px(planes: Planes, clicks: Sequence[XY]) -> float:
     """
     circle = circle_through(planes.drawn(clicks[0]), clicks)
     across, along = circle.drawn.to_dial(np.array(clicks, np.float64).T)
-    design = _design(np.arctan2(along, across), Freedom.CIRCLE)
+    design = ring_design(np.arctan2(along, across), Freedom.CIRCLE)
     covariance = np.linalg.inv(design.T @ design)
     return LIKELY_PX * math.sqrt(float(np.trace(covariance[:2, :2])))
 

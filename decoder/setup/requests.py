@@ -100,15 +100,11 @@ class MarkQuestion(SeenQuestion):
 
 
 class NeedlesQuestion(DialQuestion):
-    """Where needles are: at an angle that was pointed at, or wherever something moves.
-
-    `pivot` is where they turn in the picture, if that is known to differ from the gauge's centre.
-    """
+    """Where needles are: at an angle that was pointed at, or wherever something moves."""
 
     document: Document
     near: Degrees | None = None
     needle_height_inches: Any = None
-    pivot: Point | None = None
     tab: Tab
 
 

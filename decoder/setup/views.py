@@ -85,16 +85,7 @@ def film_view(
         if alignment is None:
             continue
         seen = np.array([alignment.to_frame(corner) for corner in corners], np.float32)
-        part, offset = _around(frame, seen)
-        matrix = cv2.getPerspectiveTransform(seen - offset, wanted)
-        dial = cv2.warpPerspective(part, matrix, (DIAL_PX, DIAL_PX), flags=cv2.INTER_LINEAR)
+        matrix = cv2.getPerspectiveTransform(seen, wanted)
+        dial = cv2.warpPerspective(frame, matrix, (DIAL_PX, DIAL_PX), flags=cv2.INTER_LINEAR)
         strip[:, number * DIAL_PX : (number + 1) * DIAL_PX] = dial
     return _address(strip)
-
-
-def _around(frame: GreyPicture, corners: Floats) -> tuple[GreyPicture, Floats]:
-    """Cut out the part of a frame that contains the corners, and return its origin."""
-    height, width = frame.shape
-    left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2, 0, [width - 1, height - 1])
-    right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + 3, [left + 1, top + 1], [width, height])
-    return frame[top:bottom, left:right], np.array([left, top], np.float32)

@@ -17,6 +17,7 @@ from benchmarks.real_pictures import Read, Source, decode_source, reads
 from fixtures.borrowed.beaver import FLIGHTS, panel_yaml
 from fixtures.borrowed.hand_drawn import CarelessClicks, Clicks
 from fixtures.cockpit.view import View
+from tests.programs import write_yaml, yaml_of
 
 HOME = FIXTURES / "borrowed"
 VALUED, WITHIN = 0.9, 0.85
@@ -29,7 +30,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.untraced, pytest.mark.xdist_group("b
 
 def source_of(flight: str, panel: Path) -> Source:
     """A flight's committed frames, with a panel drawn on one of them."""
-    picture = yaml.safe_load(panel.read_text(encoding="utf-8"))["picture"]
+    picture = yaml_of(panel)["picture"]
     names = f"{flight}/*.jpg", f"{flight}/{picture}", f"{flight}/truth.csv"
     return Source(flight, names[0], panel, *names[1:], same_view=False, folder=HOME)
 
@@ -66,23 +67,19 @@ def drawn(
     flown = replace(FLIGHTS[flight], picture_frame=picture_frame)
     panel = yaml.safe_load(panel_yaml(flown, hand, squares_up=squares_up))
     panel["gauges"] = [gauge for gauge in panel["gauges"] if gauge["name"] in gauges]
-    (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+    write_yaml(folder / "panel.yaml", panel)
     return folder / "panel.yaml"
 
 
-def test_cards_and_what_moves_over_them_are_read_right_from_aside(tmp_path: Path) -> None:
-    """All columns have values in nine of ten frames, none that is read is far off, and their intervals hold."""
-    flown = decoded("beaver_oblique", drawn(tmp_path, "beaver_oblique", OTHERS, 12))
+@pytest.mark.parametrize(("gauges", "squares_up"), [(OTHERS, True), (OTHERS[:3], False)], ids=["squared up", "not"])
+def test_cards_and_what_moves_over_them_are_read_right_from_aside(
+    tmp_path: Path, gauges: Collection[str], *, squares_up: bool
+) -> None:
+    """All columns have values in nine of ten frames, none that is read is far off, and their intervals hold.
 
-    assert {name: read.largest for name, read in flown.reads.items() if read.gross} == {}
-    assert {name for name, read in flown.reads.items() if not read.valued >= VALUED} == set()
-    assert {name for name, read in flown.reads.items() if not read.within_95 >= WITHIN} == set()
-
-
-def test_cards_are_read_from_aside_though_nobody_squared_the_panel_up(tmp_path: Path) -> None:
-    """As their marks turn within an ellipse they fall out of step; the flight tells the ellipse."""
-    path = drawn(tmp_path, "beaver_oblique", OTHERS[:3], 12, squares_up=False)
-    flown = decoded("beaver_oblique", path)
+    Where nobody squared the panel up, marks turn within an ellipse and fall out of step; the flight tells the ellipse.
+    """
+    flown = decoded("beaver_oblique", drawn(tmp_path, "beaver_oblique", gauges, 12, squares_up=squares_up))
 
     assert {name: read.largest for name, read in flown.reads.items() if read.gross} == {}
     assert {name for name, read in flown.reads.items() if not read.valued >= VALUED} == set()

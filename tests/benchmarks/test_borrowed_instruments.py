@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 
 from benchmarks.real_pictures import BORROWED, Read, decode_source, reads
 from fixtures.borrowed.dials import HANDS
+from tests.programs import rows_of
 
 VISIBLE = 0.05
 """Part of a needle's contrast that lights and needles over it took at most."""
@@ -48,8 +48,7 @@ class Flights:
 def _decoded(flight: str, folder: Path) -> dict[str, Row]:
     source = replace(SOURCES[flight], pictures=f"borrowed/{flight}/*.jpg")
     decoded = decode_source(source, folder)
-    with (source.folder / source.truth).open(encoding="utf-8", newline="") as stream:
-        truth = {row["file"]: row for row in csv.DictReader(stream)}
+    truth = {row["file"]: row for row in rows_of(source.folder / source.truth)}
     shown = [truth[picture.name] for picture in decoded.pictures]
     rows = {}
     for read, series in zip(reads(decoded), decoded.series, strict=True):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-
 import cv2
 import numpy as np
 import pytest
@@ -16,6 +14,7 @@ from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.kinds.digits import Digits
 from decoder.panel.window import Corners
+from tests.programs import rows_of
 
 COCKPIT = PICTURES / "cockpit_flight"
 SHOWN_IN = 78
@@ -50,8 +49,7 @@ def test_what_is_read_is_right_and_nearly_all_is(column: str) -> None:
     pattern, shows, corners = DISPLAYS[column]
     digits, grid = Digits(name="own", pattern=pattern, shows=shows), WindowGrid.of(corners, Digits.margin_part)
     row = Row(digits.symbols, np.array(digits.before, float), digits.points, np.array(digits.may_be_blank))
-    with (COCKPIT / "flight_a_truth.csv").open() as opened:
-        truth = [line[column] for line in csv.DictReader(opened)][::EVERY]
+    truth = [row[column] for row in rows_of(COCKPIT / "flight_a_truth.csv")][::EVERY]
     strips = np.stack([sampled(grid, "flight_a_real", number * EVERY) for number in range(len(truth))])
     display = in_picture(sampled(grid, "flight_a", SHOWN_IN), row, grid.margin)
     assert display is not None

@@ -8,10 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from benchmarks.disturbances import DISTURBANCES, disturbed
 from benchmarks.real_pictures import Source, available, decode_source, reads
+from tests.programs import write_yaml, yaml_of
 
 EVERY = 3
 OBLIQUE = next((source for source in available() if source.title == "simulator flight, oblique"), None)
@@ -21,10 +21,10 @@ needs_pictures = pytest.mark.skipif(OBLIQUE is None, reason="../shared is absent
 
 def only(source: Source, column: str, folder: Path) -> Source:
     """The source with a panel of one needle."""
-    panel = yaml.safe_load(source.panel.read_text(encoding="utf-8"))
+    panel = yaml_of(source.panel)
     gauges = [gauge for gauge in panel["gauges"] if any(n["name"] == column for n in gauge.get("needles", ()))]
     path = folder / "panel.yaml"
-    path.write_text(yaml.safe_dump({**panel, "gauges": gauges}), encoding="utf-8")
+    write_yaml(path, {**panel, "gauges": gauges})
     return replace(source, panel=path)
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-
 import pytest
 
 from benchmarks.plain_way import Correlate, PlainWay, with_opencv, with_skimage
 from decoder.imaging.panel_pictures import panel_from_attachments
 from flight_file.reader import open_flight
-from tests.programs import A1, FIXTURES
+from tests.programs import A1, FIXTURES, rows_of
 
 
 @pytest.mark.parametrize(("correlate", "frames"), [(with_opencv, 8), (with_skimage, 2)])
@@ -18,8 +16,7 @@ def test_thesis_way_reads_the_animation(correlate: Correlate, frames: int) -> No
     flight = open_flight([A1])
     source = panel_from_attachments(flight.attachments, flight=A1.name)
     way = PlainWay(source, correlate)
-    with (FIXTURES / "thesis_a1_truth.csv").open(encoding="utf-8", newline="") as stream:
-        truth = list(csv.DictReader(stream))
+    truth = rows_of(FIXTURES / "thesis_a1_truth.csv")
     widest = {
         needle.name: max(
             abs((after[1] - before[1]) / (after[0] - before[0]))

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import yaml
 
 from benchmarks.real_pictures import PICTURES, SOURCES, Read, decode_source, reads
+from tests.programs import write_yaml, yaml_of
 
 pytestmark = [
     pytest.mark.shared,
@@ -34,10 +34,10 @@ def reads_of(title: str, folder: Path, *, every: int = 1, only: Sequence[str] | 
     """
     (source,) = (source for source in SOURCES if source.title == title)
     if only is not None:
-        written = yaml.safe_load(source.panel.read_text(encoding="utf-8"))
+        written = yaml_of(source.panel)
         written["gauges"] = [gauge for gauge in written["gauges"] if gauge["name"] in only]
         source = replace(source, panel=folder / "panel.yaml")
-        source.panel.write_text(yaml.safe_dump(written), encoding="utf-8")
+        write_yaml(source.panel, written)
     return {read.needle: read for read in reads(decode_source(source, folder, every=every))}
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from PIL import Image
+
+from tests.jpegs import encoded
 
 EXIF_IFD = 0x8769
 
@@ -22,9 +23,7 @@ def make_jpeg() -> MakeJpeg:
         exif = Image.Exif()
         if tags:
             exif.get_ifd(EXIF_IFD).update(tags)
-        buffer = io.BytesIO()
-        Image.new("RGB", (64, 48), (shade, 20, 40)).save(buffer, "JPEG", exif=exif)
-        return buffer.getvalue()
+        return encoded(Image.new("RGB", (64, 48), (shade, 20, 40)), exif=exif)
 
     return make
 

@@ -1,10 +1,15 @@
-"""Who hears what a driver says beside its pictures."""
+"""Who hears what a driver says beside its pictures, and takes these as the recorder does."""
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
 
-from flight_file.frame import CameraStatus
+from camera_drivers.camera import Camera
+from camera_drivers.errors import CameraError
+from flight_file.frame import CameraStatus, Frame
+
+CONNECTIONS = 20  # nothing in these tests takes longer than that many attempts
 
 
 @dataclass
@@ -30,3 +35,20 @@ class Listener:
     def reasons(self, state: str) -> list[str]:
         """What was reported under a state."""
         return [status.reason for status in self.reports if status.state == state]
+
+
+def taken_by_and_by(camera: Camera, number: int, failures: list[str]) -> list[Frame]:
+    """So many frames; the camera is connected again as the recorder does it."""
+    frames: list[Frame] = []
+    while len(frames) < number:
+        try:
+            with camera:
+                while len(frames) < number:
+                    frame = camera.next_frame(threading.Event())
+                    assert frame is not None
+                    frames.append(frame)
+        except CameraError as error:
+            failures.append(str(error))
+            assert len(failures) < CONNECTIONS, failures
+            threading.Event().wait(0.1)
+    return frames

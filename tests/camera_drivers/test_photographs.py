@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from camera_drivers.photographs import picture_facts, picture_format
 from decoder.imaging.pictures import grey_picture
 from flight_file.documents import is_heif, picture_header
 from flight_file.reader import open_flight
+from tests.jpegs import encoded
 from tests.programs import ran
 from tests.videos import played
 
@@ -32,9 +32,7 @@ def photograph(kind: str, second: int = 0, *, with_exif: bool = True, **options:
     """A picture as a file, with the time and zoom at which it was taken."""
     exif = Image.Exif()
     exif.get_ifd(0x8769).update({0x9003: f"2018:05:04 12:00:0{second}", 0x920A: 4.45})
-    stream = io.BytesIO()
-    Image.fromarray(DRAWN).save(stream, kind, **({"exif": exif.tobytes()} if with_exif else {}), **options)
-    return stream.getvalue()
+    return encoded(Image.fromarray(DRAWN), kind, **({"exif": exif.tobytes()} if with_exif else {}), **options)
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Callable, Iterable
@@ -11,15 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from PIL import Image, ImageDraw
 
+from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
-from recorder.config import parse_config
-from recorder.host import SimulatedClock, fixed_host
-from recorder.journal import Journal
-from recorder.run import record
-from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran
+from tests.jpegs import encoded
+from tests.programs import A1, A2, FIXTURES, Done, MakeFlight, ran, rows_of, yaml_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +34,7 @@ class Decoded:
     @property
     def rows(self) -> list[dict[str, str]]:
         """The rows of the flight data."""
-        with self.csv_file.open(encoding="utf-8", newline="") as stream:
-            return list(csv.DictReader(stream))
+        return rows_of(self.csv_file)
 
     @property
     def described(self) -> dict[str, Any]:
@@ -87,18 +82,8 @@ def make_flight(tmp_path: Path) -> MakeFlight:
         camera.mkdir()
         for number, jpeg in enumerate(jpegs):
             (camera / f"{number:05d}.jpg").write_bytes(jpeg)
-        document = {
-            "camera": {"driver": "replay", "path": str(camera), "rate_hz": 4, "pace": "fastest"},
-            "storage": {"directory": str(tmp_path / f"{name}_storage"), "segment_s": 3600, "keep_free_gib": 0},
-        }
-        if panel is not None:
-            document["attach"] = {"panel": str(panel)}
-        outcome = record(
-            parse_config(document), host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()), name=name
-        )
-        (segment,) = outcome.paths
         target = tmp_path / f"{name}.mcap"
-        target.write_bytes(segment.read_bytes())
+        record_flight(sorted(camera.iterdir()), panel, target)
         return target
 
     return make
@@ -106,13 +91,10 @@ def make_flight(tmp_path: Path) -> MakeFlight:
 
 def without_knob(jpeg: bytes) -> bytes:
     """A frame of the animation with its only anchor painted over."""
-    left, top, width, height = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))["anchors"][0][
-        "box"
-    ]
-    picture, painted = Image.open(io.BytesIO(jpeg)), io.BytesIO()
+    left, top, width, height = yaml_of(FIXTURES / "panel.yaml")["anchors"][0]["box"]
+    picture = Image.open(io.BytesIO(jpeg))
     ImageDraw.Draw(picture).rectangle([left - 30, top - 30, left + width + 30, top + height + 30], fill=(60, 60, 60))
-    picture.save(painted, "JPEG", quality=90)
-    return painted.getvalue()
+    return encoded(picture, quality=90)
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from PIL import Image, ImageDraw
 
 from decoder.imaging.panel_pictures import panel_from_attachments
@@ -27,7 +26,8 @@ from decoder.panel.vocabulary import Method
 from decoder.timeseries.flight_decoder import decode_flight
 from flight_file.frame import Frame
 from flight_file.reader import open_flight
-from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, ran, says
+from tests.jpegs import encoded
+from tests.programs import A1, A2, FIXTURES, PATIENCE_S, MakeFlight, ran, says, write_yaml, yaml_of
 
 PANEL = FIXTURES / "panel.yaml"
 Decode = Callable[..., Any]
@@ -107,10 +107,10 @@ def test_wrong_panel_is_named(
     words: list[str],
 ) -> None:
     """A mistake in the panel is one sentence with the path of the wrong value; one found nowhere gives no table."""
-    panel: Panel = yaml.safe_load(PANEL.read_text(encoding="utf-8"))
+    panel: Panel = yaml_of(PANEL)
     (tmp_path / "panel.jpg").write_bytes((FIXTURES / "panel.jpg").read_bytes())
     change(panel, tmp_path / "panel.jpg")
-    (tmp_path / "drawn.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+    write_yaml(tmp_path / "drawn.yaml", panel)
 
     flight = make_flight(pictures[:2])  # where a panel is found in no frame, each is searched long
 
@@ -142,9 +142,8 @@ def test_bad_pictures_cost_their_own_frames(
     decode: Decode, make_flight: MakeFlight, cover_knob: Callable[[bytes], bytes], pictures: list[bytes]
 ) -> None:
     """One cut short, one too small, two without the anchor: missing with a reason; the others are read."""
-    small = io.BytesIO()
-    Image.open(io.BytesIO(pictures[2])).resize((32, 24)).save(small, "JPEG")
-    bad = {2: pictures[2][:30_000], 5: small.getvalue(), 7: cover_knob(pictures[7]), 8: cover_knob(pictures[8])}
+    small = encoded(Image.open(io.BytesIO(pictures[2])).resize((32, 24)))
+    bad = {2: pictures[2][:30_000], 5: small, 7: cover_knob(pictures[7]), 8: cover_knob(pictures[8])}
     found = decode(make_flight(bad.get(number, jpeg) for number, jpeg in enumerate(pictures)))
     told = [line.partition("missing: ") for line in found.done.stderr.splitlines()]
 
@@ -213,9 +212,7 @@ def elsewhere(pictures: list[bytes]) -> list[bytes]:
     for seed in range(FRAMES):
         coarse = np.random.default_rng(seed).uniform(0, 255, (height // 16, width // 16)).astype(np.float32)
         blots = np.clip(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), 0, 255).astype(np.uint8)
-        stream = io.BytesIO()
-        Image.fromarray(blots).convert("RGB").save(stream, "JPEG", quality=85)
-        made.append(stream.getvalue())
+        made.append(encoded(Image.fromarray(blots).convert("RGB"), quality=85))
     return made
 
 
@@ -237,11 +234,10 @@ def test_flight_that_its_cameras_calibration_does_not_cover_says_so(
     tmp_path: Path, make_flight: MakeFlight, pictures: list[bytes]
 ) -> None:
     """Frames of another shape are not looked into then: nothing is said of what was looked for in them."""
-    cut = io.BytesIO()
-    Image.open(io.BytesIO(pictures[0])).crop((0, 0, 1024, 600)).save(cut, "JPEG")
+    cut = encoded(Image.open(io.BytesIO(pictures[0])).crop((0, 0, 1024, 600)))
     camera = tmp_path / "camera.yaml"
     camera.write_text("picture_size: [1024, 768]\nfocal: {pixels_per_radian: [0, 1100, 0], range_mm: [4, 5]}\n")
-    flight = make_flight([cut.getvalue()] * 20)
+    flight = make_flight([cut] * 20)
 
     words = ["none of its 16 frames fits", "the picture is 1024 x 600, the panel's 1024 x 768"]
     says(ran("decode", flight, "--camera", camera, "-o", tmp_path / "out"), "decode: ", *words)

@@ -9,11 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from decoder.panel.camera import camera_from_file
 from fixtures.calibration.ruler import Scene, photograph
-from tests.programs import ran, says
+from tests.programs import ran, says, write_yaml
 
 LENGTHS_MM = (4.45, 8.0, 15.0, 30.0)
 LINE = ("--line", "556,599,1063,612", "--inches", "14.96", "--distance-inches", "36")
@@ -69,7 +68,7 @@ def test_a_list_of_photographs_and_points_by_hand(zooms: list[Path], tmp_path: P
     ]
     listed = {"picture": str(zooms[0]), "line": [556, 599, 1063, 612], "inches": 14.96}
     file = tmp_path / "ruler.yaml"
-    file.write_text(yaml.safe_dump({"distance_inches": 36, "photographs": [listed, *hand]}), encoding="utf-8")
+    write_yaml(file, {"distance_inches": 36, "photographs": [listed, *hand]})
     done = ran("decode", "calibrate", "focal", file, "-o", tmp_path / "camera.yaml", "--json")
     found = [one["fit"] for one in json.loads(done.stdout)["photographs"]]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +26,7 @@ def test_parquet_of_the_csv_is_that_of_the_decode(decoded_a2: Decoded, tmp_path:
     assert {name: again[name].to_pylist() for name in again.column_names} == {
         name: own[name].to_pylist() for name in own.column_names
     }
-    with decoded_a2.csv_file.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = decoded_a2.rows
     for name in ("time_s", "n2_pct", "n2_pct_score", "fuel_flow_pph_sigma"):
         assert again[name].to_pylist() == [float(row[name]) if row[name] else None for row in rows]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from mcap.reader import make_reader
 
 from fixtures.film import film as animation_film
 from fixtures.telemetry import flight_payloads, flown, with_telemetry
-from tests.programs import A1, FIXTURES, ran
+from tests.programs import A1, FIXTURES, ran, rows_of
 
 COLUMNS = ("gps_latitude_deg", "gps_longitude_deg", "gps_altitude_ft", "gps_speed_kt", "gps_track_deg")
 LOST_S = 2
@@ -34,15 +33,9 @@ def decoded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out" / "f.csv"
 
 
-def rows(path: Path) -> list[dict[str, str]]:
-    """A CSV's rows."""
-    with path.open(encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
-
-
 def test_columns_hold_what_was_flown_and_nothing_where_the_fix_is_lost(decoded: Path) -> None:
     """At each frame's own time; behind the needles."""
-    found = rows(decoded)
+    found = rows_of(decoded)
 
     assert tuple(found[0])[-5:] == COLUMNS
     for row in found:
@@ -59,7 +52,7 @@ def test_columns_hold_what_was_flown_and_nothing_where_the_fix_is_lost(decoded: 
 
 def test_every_format_holds_the_same(decoded: Path) -> None:
     """The description counts and names the frames without a position; an export has the columns with their units."""
-    found = rows(decoded)
+    found = rows_of(decoded)
     gps = json.loads(decoded.with_suffix(".json").read_text(encoding="utf-8"))["gps"]
     exported = decoded.with_name("exported.parquet")
     assert ran("decode", "export", decoded, "-o", exported).returncode == 0

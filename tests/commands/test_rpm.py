@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.programs import ran
+from tests.programs import ran, rows_of
 from tests.sounds import RATE_HZ, engine, mixed, noise, recorded, times_s
 from tests.videos import film
 
@@ -27,12 +26,6 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     video = film(folder / "cockpit.mp4", ticks=range(0, SECONDS * 12_000, 12_000), sound=sound)
     assert ran("recorder", "replay", video, "-o", folder / "flight.mcap").returncode == 0
     return folder / "flight.mcap"
-
-
-def rows_of(file: Path) -> list[dict[str, str]]:
-    """The rows of a CSV."""
-    with file.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def tachometer(folder: Path, rpm: float, name: str = "engine_rpm") -> None:

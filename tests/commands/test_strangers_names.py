@@ -19,7 +19,7 @@ from flight_file.reader import open_flight
 from flight_file.session import Session
 from flight_file.untrusted import file_name
 from flight_file.writer import SegmentWriter
-from tests.programs import A1, FIXTURES, ran, says
+from tests.programs import A1, FIXTURES, ran, says, yaml_of
 
 FRAMES = 3
 NS = 10**9
@@ -51,7 +51,7 @@ def write_flight(tmp_path: Path) -> WriteFlight:
 
 def panel_with(change: Callable[[Content], object]) -> dict[str, bytes]:
     """The animation's panel, changed, as an attachment."""
-    content: Content = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    content: Content = yaml_of(FIXTURES / "panel.yaml")
     change(content)
     return {"panel.yaml": yaml.safe_dump(content).encode()}
 

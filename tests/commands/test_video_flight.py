@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from decoder.imaging.pictures import grey_picture
 from decoder.setup.sources import open_source
 from fixtures.film import film as animation_film
 from flight_file.reader import open_flight
-from tests.programs import A1, FIXTURES, ran
+from tests.programs import A1, FIXTURES, ran, rows_of
 
 PANEL = FIXTURES / "panel.yaml"
 NEEDLES = ("fuel_al_lb", "fuel_fr_lb")
@@ -32,12 +31,6 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "cockpit.mcap"
 
 
-def rows(path: Path) -> list[dict[str, str]]:
-    """A CSV's rows."""
-    with path.open(encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
-
-
 @pytest.fixture(scope="module")
 def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
     """What is read of all of it by one process."""
@@ -49,13 +42,13 @@ def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[s
     assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] == "/camera/video"
     with (folder / "cockpit.mcap").open("rb") as stream:
         assert len(list(make_reader(stream).iter_messages(topics=["/camera/video"]))) == 20
-    return rows(folder / "cockpit.csv")
+    return rows_of(folder / "cockpit.csv")
 
 
 def test_a_film_is_read_as_its_frames_are(whole: list[dict[str, str]], tmp_path: Path) -> None:
     """In the order of time, numbered so, to within a quarter of a percent of the scale."""
     assert ran("decode", A1, "-o", tmp_path).returncode == 0
-    photographs = rows(tmp_path / "thesis_a1.csv")
+    photographs = rows_of(tmp_path / "thesis_a1.csv")
 
     assert [row["frame"] for row in whole] == [str(number) for number in range(20)]
     assert [row["time_utc"] for row in whole] == [row["time_utc"] for row in photographs]
@@ -75,7 +68,7 @@ def test_processes_share_a_film_and_a_part_of_it_is_read_the_same(
     done = ran("decode", flight, "-o", tmp_path, *words)
 
     assert done.returncode == 0, done.stderr
-    for row, number in zip(rows(tmp_path / "cockpit.csv"), wanted, strict=True):
+    for row, number in zip(rows_of(tmp_path / "cockpit.csv"), wanted, strict=True):
         other = whole[number]
         assert (row["frame"], row["time_utc"]) == (other["frame"], other["time_utc"])
         for name in NEEDLES:
@@ -113,7 +106,7 @@ def test_of_a_damaged_film_what_cannot_be_built_is_missing(flight: Path, tmp_pat
 
     assert done.returncode == 3
     assert "built on is lost" in done.stderr or described["losses"]
-    read = [row for row in rows(tmp_path / "cockpit.csv") if row["fuel_al_lb_status"] == "read"]
+    read = [row for row in rows_of(tmp_path / "cockpit.csv") if row["fuel_al_lb_status"] == "read"]
     assert 10 <= len(read) < 20
 
 
@@ -129,7 +122,7 @@ def timeless(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_flight_of_unknown_time_says_so_in_each_output(timeless: Path, whole: list[dict[str, str]]) -> None:
     """No moment of 1970 and none of the conversion: the columns are there and empty."""
-    table = rows(timeless / "cockpit.csv")
+    table = rows_of(timeless / "cockpit.csv")
     described = json.loads((timeless / "cockpit.json").read_text(encoding="utf-8"))
     page = (timeless / "cockpit.html").read_text(encoding="utf-8")
 

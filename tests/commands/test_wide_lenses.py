@@ -19,7 +19,7 @@ from decoder.imaging.video import encoded_of
 from decoder.timeseries.tables import read_table
 from flight_file.reader import open_flight
 from tests.commands.conftest import Decoded
-from tests.programs import FIXTURES, MakeFlight
+from tests.programs import FIXTURES, MakeFlight, write_yaml, yaml_of
 
 Points = NDArray[np.float64]
 TAKEN = FIXTURES / "oblique"
@@ -90,14 +90,14 @@ def test_a_flight_through_a_wide_lens_is_read(
 ) -> None:
     """Within 0.35 % of full scale on average, and no value that is called read is off by 2 %."""
     lens, panel = LENSES[model], tmp_path / "panel.yaml"
-    content = yaml.safe_load((TAKEN / "t1a_small" / "panel.yaml").read_text(encoding="utf-8"))
+    content = yaml_of(TAKEN / "t1a_small" / "panel.yaml")
     panel.write_text(yaml.safe_dump(bent_panel(content, lens)), encoding="utf-8")
     picture = grey_picture((TAKEN / "t1a_small" / "panel.jpg").read_bytes())
     (tmp_path / "panel.jpg").write_bytes(lens.jpeg(picture))
     camera = tmp_path / "camera.yaml"
     entry = {"focal_length_mm": 3.0, "model": model, **lens.coefficients}
     focal = {"pixels_per_radian": [SCALE, 0, 0], "range_mm": [3.0, 3.0]}
-    camera.write_text(yaml.safe_dump({"picture_size": [*SIZE_PX], "focal": focal, "distortion": [entry]}))
+    write_yaml(camera, {"picture_size": [*SIZE_PX], "focal": focal, "distortion": [entry]})
     frames = [grey_picture(encoded_of(frame)) for frame in open_flight([TAKEN / "t1a_small.mcap"]).frames()][::EVERY]
 
     flight = make_flight([lens.jpeg(frame) for frame in frames], panel=panel)

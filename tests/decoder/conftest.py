@@ -7,14 +7,21 @@ from typing import Any
 
 import pytest
 
+from decoder.imaging.panel_pictures import PanelPictures
 from decoder.instruments.panel_reader import PanelReader
-from tests.decoder.cockpit import DOCUMENT, reader_of
+from tests.decoder.cockpit import DOCUMENT, reader_of, source_of
 
 
 @pytest.fixture
 def document() -> dict[str, Any]:
     """The content of the drawn cockpit's `panel.yaml`, free to be spoilt."""
     return copy.deepcopy(DOCUMENT)
+
+
+@pytest.fixture
+def panel(document: dict[str, Any]) -> PanelPictures:
+    """The drawn cockpit's panel."""
+    return source_of(document)
 
 
 @pytest.fixture(scope="session")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import tracemalloc
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Future
+from contextlib import closing
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -18,6 +18,7 @@ from decoder.parallel.flights import FleetFlight
 from decoder.parallel.index import KINDS, Index, Outcome, State, failed, from_row
 from decoder.parallel.order import Order, Versions
 from decoder.parallel.running import run_fleet
+from tests.programs import rows_of
 
 MANY_LOSSES = " | ".join(f"a.mcap: loss {number}" for number in range(20_000))
 ORDER = Order("/out", "normxcorr", ("csv",), False, None, None, Versions("ours 1", ("numpy 2",)))
@@ -118,14 +119,13 @@ def test_index_waits_on_the_disk(tmp_path: Path) -> None:
     """Rows of 14 MB together, in any order, become a sorted index with a fifth of that in memory."""
     count = 2000
     tracemalloc.start()
-    with Index() as index:
+    with closing(Index()) as index:
         for number in range(count):
             index.add(failed(FleetFlight(f"f{number * 7919 % count:06d}", ()), "reason " * 1000))
         index.put(str(tmp_path), parquet=False)
         _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    with (tmp_path / "index.csv").open(encoding="utf-8", newline="") as stream:
-        names = [row["flight"] for row in csv.DictReader(stream)]
+    names = [row["flight"] for row in rows_of(tmp_path / "index.csv")]
 
     assert names == [f"f{number:06d}" for number in range(count)]
     assert peak_bytes < 3e6
@@ -133,12 +133,12 @@ def test_index_waits_on_the_disk(tmp_path: Path) -> None:
 
 def test_index_is_a_parquet_file_too(tmp_path: Path) -> None:
     """Where flights are decoded into Parquet the index is there as such, with the same rows."""
-    with Index() as index:
+    with closing(Index()) as index:
         for number in (2, 1, 0):
             index.add(Outcome(f"f{number}", State.DECODED, frames=number, seconds=number / 2))
         index.put(str(tmp_path), parquet=True)
     parquet = pd.read_parquet(tmp_path / "index.parquet")
-    with Index() as index:
+    with closing(Index()) as index:
         index.add(Outcome("f3", State.DECODED))
         index.add_earlier(str(tmp_path))
         index.put(str(tmp_path), parquet=False)
@@ -154,14 +154,14 @@ def test_index_is_a_parquet_file_too(tmp_path: Path) -> None:
 
 def test_index_keeps_rows_of_earlier_runs(tmp_path: Path) -> None:
     """A later run adds its flights and replaces their rows, however long; a row of somebody else is left out."""
-    with Index() as index:
+    with closing(Index()) as index:
         for name in ("b", "a"):
             index.add(Outcome(name, State.DECODED, frames=4, seconds=1.5, losses=MANY_LOSSES))
         index.add(Outcome("fl\udcffght", State.DECODED, flight_files="/a/fl\udcffght.mcap"))
         index.put(str(tmp_path), parquet=False)
     with (tmp_path / "index.csv").open("a", encoding="utf-8") as stream:
         stream.write("z,odd\n")
-    with Index() as index:
+    with closing(Index()) as index:
         index.add(Outcome("b", State.KEPT))
         index.add(Outcome("fl\udcffght", State.KEPT))
         index.add(Outcome("c", State.FAILED, reason='says "no", twice'))
@@ -177,5 +177,5 @@ def test_index_keeps_rows_of_earlier_runs(tmp_path: Path) -> None:
 def test_index_of_somebody_else_is_not_replaced(tmp_path: Path) -> None:
     """A table that has the index's name and is none is left alone, with a sentence."""
     (tmp_path / "index.csv").write_text("name,phone\nAnn,1\n")
-    with Index() as index, pytest.raises(OutputError, match="is no index of flights; move it away"):
+    with closing(Index()) as index, pytest.raises(OutputError, match="is no index of flights; move it away"):
         index.add_earlier(str(tmp_path))

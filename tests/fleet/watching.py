@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import subprocess
 from pathlib import Path
 
 import psutil
 
-from tests.programs import PATIENCE_S, begun, contents
+from tests.programs import PATIENCE_S, begun, contents, rows_of
 
 
 def results(folder: Path) -> dict[str, bytes]:
@@ -21,8 +20,7 @@ def results(folder: Path) -> dict[str, bytes]:
 
 def index(output: Path) -> dict[str, dict[str, str]]:
     """The rows of an output's index, by flight."""
-    with (output / "index.csv").open(encoding="utf-8", newline="") as stream:
-        return {row["flight"]: row for row in csv.DictReader(stream)}
+    return {row["flight"]: row for row in rows_of(output / "index.csv")}
 
 
 def states(output: Path) -> dict[str, str]:

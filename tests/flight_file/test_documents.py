@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from pathlib import Path
 
@@ -12,13 +11,13 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
 from flight_file import documents
 from flight_file.documents import SOS, parse_yaml, picture_header
 from flight_file.errors import NotYamlError
 from flight_file.thresholds import MAX_PIXELS, MAX_SCANS, MAX_YAML_BYTES, MAX_YAML_DEPTH
 from flight_file.untrusted import read_yaml_file
+from tests.jpegs import plain_picture
 
 SCALARS = (
     st.none()
@@ -124,13 +123,6 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
         assert caught.value.strerror
 
 
-def encoded(kind: str = "JPEG", size: tuple[int, int] = (64, 48), **options: object) -> bytes:
-    """A plain picture."""
-    stream = io.BytesIO()
-    Image.new("RGB", size, (90, 120, 60)).save(stream, kind, **options)
-    return stream.getvalue()
-
-
 def first_size(jpeg: bytes) -> int:
     """Where the segment that says the size begins."""
     return jpeg.index(b"\xff\xc0")
@@ -149,7 +141,7 @@ def claiming(picture: bytes, side_px: int) -> bytes:
 @pytest.mark.parametrize("options", [{}, {"progressive": True, "optimize": True}], ids=str)
 def test_size_is_what_is_decompressed(kind: str, options: dict[str, object]) -> None:
     """Width and height, and nothing to object to."""
-    picture = encoded(kind, **options)
+    picture = plain_picture(kind, **options)
     header = picture_header(picture)
 
     assert header is not None
@@ -159,7 +151,7 @@ def test_size_is_what_is_decompressed(kind: str, options: dict[str, object]) -> 
 @given(filling=st.binary(max_size=20), fills=st.integers(0, 20))
 def test_nothing_between_markers_hides_the_size(filling: bytes, fills: int) -> None:
     """Stray and fill bytes before a marker are passed over as OpenCV passes over them."""
-    jpeg = encoded()
+    jpeg = plain_picture()
     at = first_size(jpeg)
     hidden = jpeg[:at] + filling.replace(b"\xff", b"") + b"\xff" * fills + jpeg[at:]
     seen = cv2.imdecode(np.frombuffer(hidden, np.uint8), cv2.IMREAD_GRAYSCALE)
@@ -171,9 +163,9 @@ def test_nothing_between_markers_hides_the_size(filling: bytes, fills: int) -> N
 @pytest.mark.parametrize("before", [b"", b"\xff", b"\xff" * 1000, b"stray", b"\xff\x00", b"\xff\xd0", b"\xff\x01"])
 def test_large_picture_is_refused_whatever_stands_before_its_size(before: bytes) -> None:
     """A gigapixel is one sentence, in a PNG too."""
-    jpeg = claiming(encoded(), SIDE_PX)
+    jpeg = claiming(plain_picture(), SIDE_PX)
     at = first_size(jpeg)
-    for picture in (jpeg[:at] + before + jpeg[at:], claiming(encoded("PNG"), SIDE_PX)):
+    for picture in (jpeg[:at] + before + jpeg[at:], claiming(plain_picture("PNG"), SIDE_PX)):
         header = picture_header(picture)
 
         assert header is not None
@@ -185,7 +177,7 @@ def test_picture_at_the_limit_is_taken() -> None:
     """And one row more is not."""
     side_px = round(MAX_PIXELS**0.5)
     for more, is_taken in ((0, True), (1, False)):
-        header = picture_header(claiming(encoded(), side_px + more))
+        header = picture_header(claiming(plain_picture(), side_px + more))
         assert header is not None
         assert (header.objection(SIZE_BYTES) == "") is is_taken
 
@@ -193,13 +185,13 @@ def test_picture_at_the_limit_is_taken() -> None:
 @pytest.mark.parametrize("kind", ["BMP", "GIF", "TIFF", "PPM"])
 def test_other_formats_are_none(kind: str) -> None:
     """Formats without a limit are not tried."""
-    assert picture_header(encoded(kind)) is None
+    assert picture_header(plain_picture(kind)) is None
 
 
 @pytest.mark.parametrize("scans", [30, 1000])
 def test_picture_in_many_scans_is_refused(scans: int) -> None:
     """Each scan goes over all pixels again, and takes a few bytes."""
-    jpeg = encoded(progressive=True)
+    jpeg = plain_picture(progressive=True)
     last = jpeg[jpeg.rindex(bytes((0xFF, SOS))) : -2]
     plain, bomb = picture_header(jpeg), picture_header(jpeg[:-2] + last * scans + jpeg[-2:])
 
@@ -212,7 +204,7 @@ def test_picture_in_many_scans_is_refused(scans: int) -> None:
 def test_png_of_many_bytes_a_pixel_is_refused() -> None:
     """Sixteen bits for each of four colours take as long as eight times as many pixels of one."""
     large = 8000
-    png = claiming(encoded("PNG"), large)
+    png = claiming(plain_picture("PNG"), large)
     plain, deep = picture_header(png), picture_header(png[:24] + bytes((16, 6)) + png[26:])
 
     assert plain is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -39,6 +38,7 @@ from fuzzing.flights import (
     topics,
 )
 from fuzzing.judge import Judge, Target
+from tests.jpegs import encoded, plain_picture
 
 pytestmark = pytest.mark.slow  # what is forked is not traced, and shall not be slowed down
 
@@ -55,14 +55,7 @@ BOX = (INFO, VERIFY, EXTRACT, RECOVER, REPLAY)
 ALL = (*BOX, DECODE, PART, FRAMES)
 
 
-def plain_jpeg(size: tuple[int, int] = (64, 48), **options: object) -> bytes:
-    """A small picture."""
-    stream = io.BytesIO()
-    Image.new("RGB", size, (90, 120, 60)).save(stream, "JPEG", **options)
-    return stream.getvalue()
-
-
-PICTURE = plain_jpeg()
+PICTURE = plain_picture()
 ATTACHED = {name: (FIXTURES / name).read_bytes() for name in ("panel.yaml", "panel.jpg")}
 FRAMES_OF_FLIGHT = tuple(frame.encoded for frame in open_flight([FIXTURES / "thesis_a1.mcap"]).sample_frames(2))
 
@@ -195,7 +188,7 @@ def faults(judge: Judge, targets: Iterable[Target], content: bytes) -> dict[str,
 
 def gigapixel_frames() -> bytes:
     """Behind a legal fill byte."""
-    jpeg = plain_jpeg()
+    jpeg = plain_picture()
     at = jpeg.index(b"\xff\xc0")
     huge = jpeg[:at] + b"\xff" + jpeg[at : at + 5] + (32_000).to_bytes(2) * 2 + jpeg[at + 9 :]
     return sealed_flight([shot(number, huge) for number in range(3)], ATTACHED)
@@ -203,17 +196,17 @@ def gigapixel_frames() -> bytes:
 
 def frames_in_a_thousand_scans() -> bytes:
     """Of a few bytes each, over all pixels."""
-    jpeg = plain_jpeg((2048, 1536), progressive=True)
+    jpeg = plain_picture(size=(2048, 1536), progressive=True)
     last = jpeg[jpeg.rindex(b"\xff\xda") : -2]
     return sealed_flight([shot(number, jpeg[:-2] + last * 1000 + jpeg[-2:]) for number in range(3)], ATTACHED)
 
 
 def nothing_to_be_seen(kind: str) -> bytes:
     """Frames with as many pixels for each byte as are taken, padded with what their chunk compresses away."""
-    size, stream = (1024, 768), io.BytesIO()
-    Image.new("L", size, 120).save(stream, kind, progressive=True, optimize=True)
+    size = (1024, 768)
+    picture = encoded(Image.new("L", size, 120), kind, progressive=True, optimize=True)
     limit = {"JPEG": JPEG_PIXELS_PER_BYTE, "PNG": PNG_PIXELS_PER_BYTE}[kind]
-    flat = stream.getvalue().ljust(size[0] * size[1] // limit + 1, b"\0")
+    flat = picture.ljust(size[0] * size[1] // limit + 1, b"\0")
     attached = {**ATTACHED, "noise": np.random.default_rng(1).bytes(700_000)}
     return sealed_flight(
         [shot(number, flat) for number in range(1_450_000 // len(flat))], attached, compression="zstd", per_chunk=40
@@ -337,9 +330,8 @@ def test_panel_that_would_take_too_much_is_refused(judge: Judge, name: str) -> N
 @pytest.mark.parametrize("kind", ["BMP", "GIF", "TIFF"])
 def test_panel_picture_of_another_format_is_refused(judge: Judge, kind: str) -> None:
     """JPEG and PNG have limits; others are not tried."""
-    stream = io.BytesIO()
-    Image.new("L", (1024, 768)).save(stream, kind)
-    content = sealed_flight([shot(0, PICTURE)], {**ATTACHED, "panel.jpg": stream.getvalue()})
+    picture = encoded(Image.new("L", (1024, 768)), kind)
+    content = sealed_flight([shot(0, PICTURE)], {**ATTACHED, "panel.jpg": picture})
     outcome = judge(DECODE, {"flight.mcap": content})
 
     assert outcome.faults == ()
@@ -390,7 +382,7 @@ def test_exif_that_names_its_bytes_many_times_takes_little(judge: Judge) -> None
 
 def test_board_on_a_picture_of_nothing_takes_little(judge: Judge) -> None:
     """OpenCV's search for a board takes more memory for a pixel than anything else here."""
-    size = {"in/photographs/0.jpg": plain_jpeg((8192, 8192), progressive=True).ljust(10**6)}
+    size = {"in/photographs/0.jpg": plain_picture(size=(8192, 8192), progressive=True).ljust(10**6)}
     target = Target(("decode", "calibrate", "board", *size, "--squares", "7x5", "-o", "out/camera.yaml"))
     outcome = judge(target, {name.removeprefix("in/"): content for name, content in size.items()})
 
@@ -401,14 +393,13 @@ def test_board_on_a_picture_of_nothing_takes_little(judge: Judge) -> None:
 @pytest.mark.parametrize("size", [(8192, 1), (6000, 4000)], ids=str)
 def test_board_on_stripes_takes_little(judge: Judge, size: tuple[int, int]) -> None:
     """OpenCV's search would take gigabytes for what has many edges, or is long."""
-    picture, stream = Image.new("L", size, 128), io.BytesIO()
+    picture = Image.new("L", size, 128)
     for left in range(0, size[0], 64):
         picture.paste(90, (left, 0, left + 1, size[1]))
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0x920A] = 4.45
-    picture.save(stream, "JPEG", exif=exif)
     target = Target(("decode", "calibrate", "board", "in/0.jpg", "--squares", "7x5", "-o", "out/camera.yaml"))
-    outcome = judge(target, {"0.jpg": stream.getvalue()})
+    outcome = judge(target, {"0.jpg": encoded(picture, exif=exif)})
 
     assert outcome.faults == ()
     assert "the board is found in 0 of 1 photographs" in outcome.said
@@ -427,7 +418,7 @@ def test_picture_with_a_zero_in_its_name_is_refused(judge: Judge) -> None:
 @pytest.mark.parametrize("size", [(8191, 8192), (8, 32_766), (32_766, 8)])
 def test_odd_frame_is_drawn(judge: Judge, size: tuple[int, int]) -> None:
     """The largest and the thinnest that are taken, in bearable memory."""
-    odd = plain_jpeg(size)
+    odd = plain_picture(size=size)
     shots = [shot(number, picture) for number, picture in enumerate((FRAMES_OF_FLIGHT[0], odd, FRAMES_OF_FLIGHT[1]))]
     outcome = judge(FRAMES, {"flight.mcap": sealed_flight(shots, ATTACHED)})
 

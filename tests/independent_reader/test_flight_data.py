@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import pytest
 
 from flight_file.reader import open_flight
-from tests.programs import A1, ran
+from tests.programs import A1, ran, rows_of
 
 Read = Callable[..., dict[str, Any]]
 
@@ -35,8 +34,7 @@ def seen(read: Read, decoded: Path) -> dict[str, Any]:
 
 def test_values_are_those_of_the_csv(seen: dict[str, Any], decoded: Path) -> None:
     """Every number of the CSV is in its needle's topic, at the frame's capture time."""
-    with (decoded / "thesis_a1.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(decoded / "thesis_a1.csv")
     times = [str(frame.captured_ns) for frame in open_flight([A1]).frames()]
     names = [name.removesuffix("_status") for name in rows[0] if name.endswith("_status")]
 

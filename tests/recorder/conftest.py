@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +9,6 @@ from queue import SimpleQueue
 from typing import Any
 
 import pytest
-import yaml
 from PIL import Image
 
 from benchmarks.harm import Disk, mounted_disk
@@ -21,6 +19,8 @@ from recorder.capture import Wiring
 from recorder.config import RecorderConfig, parse_config
 from recorder.frame_queue import FrameQueue
 from recorder.host import Host
+from tests.jpegs import encoded
+from tests.programs import write_yaml
 from tests.recorder.helpers import Configure, Daemon, ManualClock, PuppetCamera, StartDaemon, WriteConfig
 
 START_NS = 1_525_435_200_000_000_000  # 2018-05-04T12:00:00Z
@@ -33,9 +33,8 @@ def forty_pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for index in range(40):
         exif = Image.Exif()
         exif.get_ifd(0x8769).update({0x9003: "2018:05:04 12:00:00", 0x920A: 4.45 + index})
-        buffer = io.BytesIO()
-        Image.new("RGB", (64, 48), (index, 20, 40)).save(buffer, "JPEG", exif=exif)
-        (folder / f"{index:03d}.jpg").write_bytes(buffer.getvalue())
+        picture = Image.new("RGB", (64, 48), (index, 20, 40))
+        (folder / f"{index:03d}.jpg").write_bytes(encoded(picture, exif=exif))
     return folder
 
 
@@ -73,7 +72,7 @@ def write_config(tmp_path: Path, document: dict[str, Any]) -> WriteConfig:
     def write(**blocks: dict[str, Any]) -> Path:
         changed = {**document, **{name: {**document.get(name, {}), **block} for name, block in blocks.items()}}
         path = tmp_path / "recorder.yaml"
-        path.write_text(yaml.safe_dump(changed))
+        write_yaml(path, changed)
         return path
 
     return write

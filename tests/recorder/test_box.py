@@ -14,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import yaml
 
 from benchmarks.acceptance import (
     MAX_BOX_MIB,
@@ -35,7 +34,7 @@ from recorder.host import SystemClock, this_host
 from recorder.journal import Journal
 from recorder.run import Outcome, record
 from recorder.supervision import Stop
-from tests.programs import begun, until
+from tests.programs import begun, until, write_yaml
 from tests.recorder.helpers import messages
 
 PATIENCE_S = 120
@@ -98,7 +97,7 @@ def started(camera: SimulatedQx10, folder: Path) -> subprocess.Popen[str]:
         "camera": {"driver": "qx10", "url": camera.url, "interval_s": 0},
         "storage": {"directory": "flights", "keep_free_gib": 0},
     }
-    (folder / "recorder.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+    write_yaml(folder / "recorder.yaml", document)
     box = begun("recorder", "run", "--config", folder / "recorder.yaml")
     until(lambda: len(camera.ledger.deliveries) >= 2 or box.poll() is not None)
     return box

@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from benchmarks.recorders import PATIENCE_S, Box, eventually
 from flight_file.reader import open_flight
 from flight_file.thresholds import MAX_READ_BYTES
 from tests.flight_file.flights import make_frame, write_flight
-from tests.programs import RECORDER, begun, until
+from tests.programs import RECORDER, begun, until, write_yaml
 from tests.recorder.helpers import WriteConfig, recorder, stuck_pipe
 
 
@@ -314,7 +313,7 @@ def test_recorder_stores_what_the_camera_delivered(tmp_path: Path, pictures: Pat
         "camera": {"driver": "qx10", "url": camera.stdout.readline().strip(), "interval_s": 0},
         "storage": {"directory": str(tmp_path / "flights"), "keep_free_gib": 0},
     }
-    (tmp_path / "recorder.yaml").write_text(yaml.safe_dump(document))
+    write_yaml(tmp_path / "recorder.yaml", document)
     box = begun("recorder", "run", "--config", tmp_path / "recorder.yaml")
     until(lambda: len(deliveries(ledger)) >= 9)
     box.send_signal(signal.SIGTERM)

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from flight_file.frame import CameraStatus, ClockReading
 from flight_file.reader import open_flight
 from flight_file.session import Session
 from flight_file.writer import SegmentWriter
+from tests.programs import write_yaml
 from tests.recorder.helpers import recorder
 
 
@@ -27,7 +27,7 @@ def box(tmp_path_factory: pytest.TempPathFactory, forty_pictures: Path) -> Path:
         "storage": {"directory": "flights", "segment_s": 4},
         "evidence": {"key": key.name},
     }
-    config.write_text(yaml.safe_dump(document))
+    write_yaml(config, document)
     assert recorder("keygen", key).stdout == f"private key: {key}\npublic key:  {key}.pub\n"
     assert len(recorder("run", "--config", config).stdout.splitlines()) == 3
     return folder

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 from benchmarks.recorders import eventually
 from camera_drivers.qx10.options import Qx10Settings
+from fixtures.recordings import record_flight
 from flight_file.errors import FlightNotWrittenError, NothingToRecoverError
 from flight_file.files import DurableFile, claimed
 from flight_file.reader import open_flight
@@ -29,12 +30,12 @@ from flight_file.summary import Recorded, recorded
 from recorder import housekeeping, marks
 from recorder import run as run_module
 from recorder.capture import CameraReports, wire
-from recorder.config import RecorderConfig, parse_config
+from recorder.config import RecorderConfig
 from recorder.frame_queue import Drops, FrameQueue
 from recorder.host import SimulatedClock, fixed_host
 from recorder.housekeeping import Retention, Rules, Salvager, older_than
 from recorder.journal import Journal
-from recorder.run import Assembly, record
+from recorder.run import Assembly
 from recorder.supervision import Heartbeats
 from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE
 from tests.recorder.helpers import Configure, StartDaemon
@@ -334,10 +335,9 @@ def test_small_files_that_claim_to_be_long_age_no_flight(tmp_path: Path) -> None
 @pytest.fixture(scope="module")
 def segment(tmp_path_factory: pytest.TempPathFactory, forty_pictures: Path) -> bytes:
     """A finished segment of forty pictures, 9.75 s long."""
-    camera = {"driver": "replay", "path": str(forty_pictures), "rate_hz": 4, "pace": "fastest"}
-    config = parse_config({"camera": camera, "storage": {"directory": str(tmp_path_factory.mktemp("flights"))}})
-    outcome = record(config, host=fixed_host(SimulatedClock(0)), journal=Journal(io.StringIO()))
-    return outcome.paths[0].read_bytes()
+    target = tmp_path_factory.mktemp("flights") / "flight.mcap"
+    record_flight(sorted(forty_pictures.iterdir()), None, target)
+    return target.read_bytes()
 
 
 @pytest.mark.parametrize("cut", [0, 1, 8, 36, 37, 40, 300, 2000])

@@ -13,7 +13,6 @@ from typing import Any
 
 import av
 import pytest
-import yaml
 from PIL import Image
 
 from camera_drivers.uvc import stream
@@ -26,7 +25,8 @@ from recorder.supervision import Stop
 from tests.camera_drivers.picamera import rpicam_vid
 from tests.camera_drivers.rtsp.server import Server, Show, nal_units
 from tests.camera_drivers.uvc.webcam import PATH, Webcam
-from tests.programs import PATIENCE_S, begun, until
+from tests.jpegs import encoded
+from tests.programs import PATIENCE_S, begun, until, write_yaml
 from tests.recorder.helpers import messages, recorder
 from tests.videos import film, packets
 
@@ -41,16 +41,14 @@ def jpegs() -> list[bytes]:
 
 def jpeg(number: int) -> bytes:
     """A picture that differs from any other."""
-    buffer = io.BytesIO()
-    Image.new("RGB", (64, 48), (number, 20, 40)).save(buffer, "JPEG", comment=str(number))
-    return buffer.getvalue()
+    return encoded(Image.new("RGB", (64, 48), (number, 20, 40)), comment=str(number))
 
 
 def write_config(folder: Path, camera: dict[str, Any]) -> Path:
     """A configuration of a box with this camera."""
     document = {"camera": camera, "storage": {"directory": "flights", "keep_free_gib": 0, "segment_s": 2}}
     path = folder / "recorder.yaml"
-    path.write_text(yaml.safe_dump(document))
+    write_yaml(path, document)
     return path
 
 

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.references.replayed import FLIGHTS, Rows, needles_of, read_rows, reference_of, replayed_flight_data
+from tests.programs import rows_of
+from tests.references.replayed import FLIGHTS, Rows, needles_of, reference_of, replayed_flight_data
 
 
 def moves(before: Rows, after: Rows, full_scales: Mapping[str, float]) -> list[str]:
@@ -43,9 +44,9 @@ def main() -> None:
         reference = reference_of(flight)
         with TemporaryDirectory() as folder:
             renewed = replayed_flight_data(flight, Path(folder))
-            before = read_rows(reference) if reference.exists() else []
+            before = rows_of(reference) if reference.exists() else []
             full_scales = full_scales_of(renewed.with_suffix(".json"))
-            lines = moves(before, read_rows(renewed), full_scales) if before else ["  new"]
+            lines = moves(before, rows_of(renewed), full_scales) if before else ["  new"]
             shutil.copyfile(renewed, reference)
         sys.stdout.write("\n".join([f"{flight.stem}:", *(lines or ["  nothing moved"])]) + "\n")
 

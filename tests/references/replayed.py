@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from pathlib import Path
 
@@ -21,12 +20,6 @@ Rows = list[dict[str, str]]
 def reference_of(flight: Path) -> Path:
     """Where a flight's reference is."""
     return HERE / f"{flight.stem}.csv"
-
-
-def read_rows(path: Path) -> Rows:
-    """The rows of a CSV file."""
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def replayed_flight_data(flight: Path, folder: Path) -> Path:

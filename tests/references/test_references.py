@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.references.replayed import FLIGHTS, needles_of, read_rows, reference_of, replayed_flight_data
+from tests.programs import rows_of
+from tests.references.replayed import FLIGHTS, needles_of, reference_of, replayed_flight_data
 
 # Other versions of OpenCV and NumPy may round otherwise: a twentieth of the fixtures' own reading errors.
 VALUE_PART = 2e-5
@@ -24,7 +25,7 @@ def test_every_flight_has_a_reference() -> None:
 @pytest.mark.parametrize("flight", FLIGHTS, ids=lambda path: path.stem)
 def test_flight_data_are_the_reference(flight: Path, tmp_path: Path) -> None:
     """Frames, times and statuses are equal; values within 0.002 % of the largest, scores 0.002, sigmas 5 %."""
-    expected, found = read_rows(reference_of(flight)), read_rows(replayed_flight_data(flight, tmp_path))
+    expected, found = rows_of(reference_of(flight)), rows_of(replayed_flight_data(flight, tmp_path))
 
     for column in ("frame", "time_utc", "time_s", *(f"{name}_status" for name in needles_of(expected))):
         assert [row[column] for row in found] == [row[column] for row in expected], f"{column}: {RENEW}"

@@ -11,6 +11,10 @@ from playwright.sync_api import Page, expect
 
 DRAWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 XY = tuple[float, float]
+Start = Callable[..., Any]
+OpenPage = Callable[..., Page]
+"""Of the fixtures `start` and `open_page`."""
+Running = Any
 OnRing = Callable[[float, float], XY]
 """Where in the picture an angle of a dial's ring of marks lies, and so many pixels further out."""
 # How far beside what they mean a person's clicks land, in pixels of the picture.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import csv
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,16 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from benchmarks.real_pictures import PANELS, PICTURES
 from decoder.instruments.reading import Status
-from decoder.setup.answers import advice_answer
 from decoder.setup.drawn_plane import DrawnPlane
-from decoder.setup.finding.advice import Fit, Sight, advised, shows_the_same
+from decoder.setup.proposing.advice import Fit, Sight, advice_answer, advised, shows_the_same
 from decoder.setup.requests import TrialQuestion
 from decoder.setup.session import SetupSession
 from decoder.setup.trial import FrameTrial, NeedleTrial, Trial, tried
+from tests.programs import rows_of, write_yaml, yaml_of
 
 COCKPIT = PICTURES / "cockpit_flight"
 SETS = {
@@ -76,12 +74,11 @@ def test_taking_each_offer_comes_to_an_end_and_makes_no_altimeter_worse(
 ) -> None:
     """However its centre is drawn: no round reads less or scores lower, and the altitude is as near at the end."""
     panel, picture = SETS[name]
-    document = yaml.safe_load(panel.read_text(encoding="utf-8"))
+    document = yaml_of(panel)
     (tmp_path / document["picture"]).write_bytes(picture.read_bytes())
-    (tmp_path / "panel.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+    write_yaml(tmp_path / "panel.yaml", document)
     session = SetupSession(Folder(COCKPIT / name), tmp_path / "panel.yaml", tmp_path / "panel.yaml")
-    with (COCKPIT / f"{name}_truth.csv").open() as opened:
-        truth = [float(row["alt_ft"]) for row in csv.DictReader(opened)]
+    truth = [float(row["alt_ft"]) for row in rows_of(COCKPIT / f"{name}_truth.csv")]
     key, gauges = session.picture_key, document["gauges"]
     place = next(index for index, gauge in enumerate(gauges) if gauge["name"] == "altimeter")
     own = gauges[place]

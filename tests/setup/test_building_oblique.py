@@ -22,7 +22,7 @@ from fixtures.cockpit.description import panel_yaml
 from fixtures.cockpit.flights import FLIGHTS
 from fixtures.cockpit.instruments import needle_angle_deg
 from fixtures.cockpit.panels import PANELS
-from tests.programs import DECODE, ran
+from tests.programs import DECODE, ran, yaml_of
 from tests.setup.hand import Hand
 
 NAME = "standby_small"
@@ -156,7 +156,7 @@ def test_oblique_dials_drawn_by_hand_read_like_the_written_ones(
     draw(hand, eyes)
     taken = take_offers(hand, [gauge["name"] for gauge in eyes.document["gauges"]])
     hand.save()
-    saved = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))["gauges"]
+    saved = yaml_of(running.session.target)["gauges"]
     drawn = errors(decoding(tmp_path / "drawn", "--panel", running.session.target), tmp_path / "drawn")
     best = errors(written, tmp_path / "written")
     for gauge, wanted in zip(saved, eyes.document["gauges"], strict=True):

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
-import yaml
 from playwright.sync_api import Page, expect
 
-from tests.setup.hand import Hand
+from tests.programs import yaml_of
+from tests.setup.hand import Hand, OpenPage, Start
 
-Start = Callable[..., Any]
-OpenPage = Callable[..., Page]
 CENTRE, RING_PX = (297.3, 168.4), 51.0
 MARKS_DEG = {60: 150.0, 80: 255.4545, 100: 360.909}
 VALUE = "#inspector input[aria-label^='value of the mark']"
@@ -71,7 +67,7 @@ def test_three_clicks_and_two_numbers_make_a_gauge(start: Start, open_page: Open
     )  # a mark without a value counts for nothing, and keeps nobody from saving
     hand.anchor("knob", [60, 60, 40, 40])
     hand.save()
-    (gauge,) = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))["gauges"]
+    (gauge,) = yaml_of(running.session.target)["gauges"]
     assert [value for _, value in gauge["scale"]] == [60, 80]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -12,12 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.panel_pictures import panel_from_file
-from decoder.setup.drawn_plane import DrawnPlane, Planes
+from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
 from decoder.setup.finding.bank import bank_of
 from decoder.setup.finding.dials import FoundDial, dials_seen, page_of, seen_around
 from decoder.setup.finding.geared import lowest
@@ -34,7 +32,7 @@ from decoder.setup.proposing.draft import drafted
 from decoder.setup.proposing.search import Anchors
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-from tests.programs import A1, FIXTURES, ran
+from tests.programs import A1, FIXTURES, ran, rows_of, yaml_of
 
 CENTRE = (203.4, 198.7)
 RADIUS_PX = 120.0
@@ -48,20 +46,27 @@ FLOWN = (34.3, 27.05, 28.6, 31.9, 36.2, 39.72, 41.35, 46.6, 52.1, 57.48, 61.95, 
 
 
 def drawn(ticks_deg: Iterable[float], long_deg: Iterable[float], flat: float = 1.0) -> NDArray[np.uint8]:
-    """A dark face with light ticks, four times as large and then shrunk; `flat` is how it is seen from below."""
+    """A dark face with light ticks; `flat` is how it is seen from below."""
     large = np.full((1600, 1600), 40, np.uint8)
     for angles, inner in ((ticks_deg, 0.92), (long_deg, 0.85)):
         for angle_deg in angles:
-            angle = math.radians(angle_deg)
-            ends = [
-                (4 * (CENTRE[0] + part * RADIUS_PX * math.cos(angle)) + 1.5,
-                 4 * (CENTRE[1] + flat * part * RADIUS_PX * math.sin(angle)) + 1.5)
-                for part in (inner, 1.0)
-            ]  # fmt: skip
-            one, other = ((round(x * 16), round(y * 16)) for x, y in ends)
-            cv2.line(large, one, other, 220, 10, cv2.LINE_AA, 4)
-    small = cv2.resize(large, (400, 400), interpolation=cv2.INTER_AREA).astype(np.float64)
-    noise = np.random.default_rng(7).normal(0, 2, small.shape)
+            _stroke(large, CENTRE, math.radians(angle_deg), (inner * RADIUS_PX, RADIUS_PX), 10, flat)
+    return _photographed(large, 7)
+
+
+def _stroke(
+    large: NDArray[np.uint8], at: XY, angle: float, reach: tuple[float, float], wide: int, flat: float = 1.0
+) -> None:
+    """A light stroke along a ray, on a picture that is four times as large."""
+    ends = [(4 * (at[0] + px * math.cos(angle)) + 1.5, 4 * (at[1] + flat * px * math.sin(angle)) + 1.5) for px in reach]
+    one, other = ((round(x * 16), round(y * 16)) for x, y in ends)
+    cv2.line(large, one, other, 220, wide, cv2.LINE_AA, 4)
+
+
+def _photographed(large: NDArray[np.uint8], seed: int) -> NDArray[np.uint8]:
+    """Shrunk to a quarter, blurred and noisy."""
+    small = cv2.resize(large, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA).astype(np.float64)
+    noise = np.random.default_rng(seed).normal(0, 2, small.shape)
     return np.asarray(np.clip(cv2.GaussianBlur(small, (0, 0), 0.7) + noise, 0, 255), np.uint8)
 
 
@@ -213,17 +218,7 @@ def hands_at(
     for part, turn in reversed([*zip(lengths, turns_of, strict=True)]):
         angle = math.radians(270.0 + 360.0 * turns / turn)
         _stroke(large, (x, y), angle, (-tail * RADIUS_PX, part * RADIUS_PX), round(26 - 18 * part))
-    small = cv2.resize(large, (400, 400), interpolation=cv2.INTER_AREA).astype(np.float64)
-    noise = np.random.default_rng(round(1000 * turns)).normal(0, 2, small.shape)
-    return np.asarray(np.clip(cv2.GaussianBlur(small, (0, 0), 0.7) + noise, 0, 255), np.uint8)
-
-
-def _stroke(
-    large: NDArray[np.uint8], at: tuple[float, float], angle: float, reach: tuple[float, float], wide: int
-) -> None:
-    ends = [(4 * (at[0] + px * math.cos(angle)) + 1.5, 4 * (at[1] + px * math.sin(angle)) + 1.5) for px in reach]
-    one, other = ((round(x * 16), round(y * 16)) for x, y in ends)
-    cv2.line(large, one, other, 220, wide, cv2.LINE_AA, 4)
+    return _photographed(large, round(1000 * turns))
 
 
 def altimeter(flown: Sequence[float], lengths: Sequence[float], turns_of: Sequence[float]) -> Hands | str:
@@ -375,11 +370,9 @@ def test_a_drawn_cockpit_is_found(tmp_path: Path) -> None:
     drafted(SetupSession(open_source([flight]), None, panel))
     ran("decode", flight, "--panel", panel, "-o", tmp_path, "--format", "csv")
 
-    with (SHARED / "cockpit_flight" / "flight_a_truth.csv").open(encoding="utf-8") as rows:
-        truth = list(csv.DictReader(rows))
-    with (tmp_path / "flight.csv").open(encoding="utf-8") as rows:
-        told = list(csv.DictReader(rows))
-    gauges = yaml.safe_load(panel.read_text(encoding="utf-8"))["gauges"]
+    truth = rows_of(SHARED / "cockpit_flight" / "flight_a_truth.csv")
+    told = rows_of(tmp_path / "flight.csv")
+    gauges = yaml_of(panel)["gauges"]
     columns = [(gauge.get("combined") or gauge.get("card") or gauge["needles"][0])["name"] for gauge in gauges]
     assert set(columns) == set(WHOLE)
     for column, name in WHOLE.items():
@@ -407,7 +400,7 @@ def test_proposing_begins_a_panel_and_edits_none(tmp_path: Path) -> None:
 
 def test_a_second_draft_in_a_folder_has_a_picture_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Minutes of finding do not end in a refusal: the first draft's picture stays, and the second names its own."""
-    document = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    document = yaml_of(FIXTURES / "panel.yaml")
     gauge = proposed_gauge(document["gauges"][0])
     monkeypatch.setattr(
         "decoder.setup.proposing.draft.tried_search", lambda *_: iter([Anchors(document["anchors"], 3), gauge])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -12,7 +13,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from numpy.typing import NDArray
 from playwright.sync_api import Locator, Page, expect
 
@@ -24,11 +24,9 @@ from decoder.setup.finding.proposal import ProposedGauge, SeenMark
 from decoder.setup.proposing.search import Anchors, Looking, Step, Withdrawn, search
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-from tests.programs import ran, until
-from tests.setup.hand import Hand
+from tests.programs import ran, until, yaml_of
+from tests.setup.hand import Hand, OpenPage, Start
 
-Start = Callable[..., Any]
-OpenPage = Callable[..., Page]
 Searched = Callable[..., None]
 
 # The first two dials of the flight, and how the first one is drawn rightly.
@@ -146,7 +144,7 @@ def test_all_that_was_read_is_accepted_at_once_and_saved(start: Start, open_page
     expect(page.locator("#outline .of-gauge .count").first).to_have_text("20/20")
     assert names(page) == ["dial"]
     hand.save()
-    panel = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))
+    panel = yaml_of(running.session.target)
     assert [each["name"] for each in panel["gauges"]] == ["tachometer", "tachometer_1"]
     assert [each["needles"][0]["name"] for each in panel["gauges"]] == ["tachometer_pct", "tachometer_pct_2"]
     assert panel["anchors"] == list(ANCHORS.anchors)
@@ -345,7 +343,7 @@ def airspeed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.skipif(not is_there(), reason="numerals are read by the extra `ocr`")
 def test_a_drawn_dial_is_found_accepted_and_read(start: Start, open_page: OpenPage, airspeed: Path) -> None:
-    """From an empty page by one key and one click to values that are true."""
+    """From an empty page by one key and one click to values that are true; the program still logs its faults then."""
     running = start(airspeed)
     page = open_page(running)
     Hand(page).press("d")
@@ -358,10 +356,11 @@ def test_a_drawn_dial_is_found_accepted_and_read(start: Start, open_page: OpenPa
     assert [float(each.split()[0]) for each in shown] == pytest.approx(VALUES, abs=0.5)
 
     Hand(page).save()
-    (gauge,) = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))["gauges"]
+    (gauge,) = yaml_of(running.session.target)["gauges"]
     assert (gauge["name"], gauge["unit"]) == ("airspeed", "kt")
     values = Scale.of(tuple(map(tuple, gauge["scale"]))).values_at(np.array(list(SCALE.values())))
     assert values == pytest.approx(list(SCALE), abs=0.5)
+    assert logging.getLogger("decoder.setup").isEnabledFor(logging.ERROR)
 
 
 def test_without_numerals_places_are_proposed(

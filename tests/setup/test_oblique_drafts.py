@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
@@ -27,7 +26,7 @@ from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
 from decoder.setup.trial import tried
 from flight_file.reader import open_flight
-from tests.programs import FIXTURES
+from tests.programs import FIXTURES, yaml_of
 
 FOLDER = FIXTURES / "oblique" / "t1a_small"
 FLIGHT = FIXTURES / "oblique" / "t1a_small.mcap"
@@ -38,7 +37,7 @@ Draft = dict[str, Any]
 @pytest.fixture
 def written() -> Draft:
     """The panel that was written with the renderer's own numbers."""
-    content: Draft = yaml.safe_load((FOLDER / "panel.yaml").read_text(encoding="utf-8"))
+    content: Draft = yaml_of(FOLDER / "panel.yaml")
     return content
 
 

@@ -5,24 +5,21 @@ from __future__ import annotations
 import copy
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from playwright.sync_api import Page, Response, Route, expect
+from playwright.sync_api import Response, Route, expect
 
 from decoder.panel.panel import parse_content
 from decoder.setup.saving import panel_text
-from tests.programs import FIXTURES
-from tests.setup.hand import Hand
+from tests.programs import FIXTURES, write_yaml, yaml_of
+from tests.setup.hand import Hand, OpenPage, Running, Start
+from tests.windows import IN_WINDOWS, WINDOW
 
 OBLIQUE = FIXTURES / "oblique" / "t1a_small"
-Start = Callable[..., Any]
-OpenPage = Callable[..., Page]
-Running = Any
 PICTURE = re.compile("^data:image/jpeg")
 
 
@@ -40,7 +37,7 @@ def of_picture(start: Start, tmp_path: Path) -> Running:
 
 def drawn(running: Running) -> dict[str, Any]:
     """What was saved."""
-    content: dict[str, Any] = yaml.safe_load(running.session.target.read_text(encoding="utf-8"))
+    content: dict[str, Any] = yaml_of(running.session.target)
     return content
 
 
@@ -354,7 +351,7 @@ def test_panel_is_pasted_onto_another_flight(start: Start, open_page: OpenPage, 
     Hand(page).save()
 
     saved = drawn(running)
-    written = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    written = yaml_of(FIXTURES / "panel.yaml")
     assert [gauge["name"] for gauge in saved["gauges"]] == [gauge["name"] for gauge in written["gauges"]]
     assert saved["gauges"][0]["centre"] == pytest.approx(written["gauges"][0]["centre"], abs=1.0)
     frame = list(running.session.source.flight.frames())[3]
@@ -506,35 +503,14 @@ def test_every_kind_in_a_window_is_drawn_in_its_fields(of_picture: Running, open
     hand = Hand(page)
     written = copy.deepcopy(of_picture.session.document)
     first = len(written["gauges"])
-    corners = [[80, 60], [160, 60], [160, 84], [80, 84]]
-    kinds: dict[str, dict[str, Any]] = {
-        "lamp": {"name": "lamp_on", "lit": True},
-        "digits": {"name": "squawk", "pattern": "#000", "shows": " 720", "text": True},
-        "printed": {"name": "setting", "pattern": "00.00", "shows": "29.92", "rolls": "up", "pitch": 20, "gap": 0.4},
-        "linear": {
-            "name": "trim_pct",
-            "moves": "across",
-            "marks": [[90, 0], [150, 100]],
-            "at": [120.5, 70],
-            "span": 20,
-        },
-        "tape": {
-            "name": "compass_deg",
-            "moves": "across",
-            "index": 120,
-            "marks": [[[place, 72], value] for place, value in ((85, 310), (108, 320), (130, 330), (155, 340))],
-            "turn": 360,
-            "drum": True,
-        },
-    }
     typed = {
         "linear.marks": "90 0, 150 100",
         "linear.at": "120.5 70",
         "tape.marks": "85 72 310, 108 72 320, 130 72 330, 155 72 340",
     }
-    for number, (key, content) in enumerate(kinds.items(), first):
+    for number, (key, content) in enumerate(IN_WINDOWS.items(), first):
         hand.press("w")
-        for x, y in corners:
+        for x, y in WINDOW:
             hand.click((x, y))
         hand.type_into(f"gauges[{number}].name", key)
         if key != "lamp":
@@ -553,9 +529,9 @@ def test_every_kind_in_a_window_is_drawn_in_its_fields(of_picture: Running, open
 
     saved = drawn(of_picture)
     for gauge in saved["gauges"][first:]:
-        assert np.array(gauge["window"]) == pytest.approx(np.array(corners), abs=1.0)
-        gauge["window"] = corners
-    written["gauges"] += [{"name": key, "window": corners, key: content} for key, content in kinds.items()]
+        assert np.array(gauge["window"]) == pytest.approx(np.array(WINDOW), abs=1.0)
+        gauge["window"] = WINDOW
+    written["gauges"] += [{"name": key, "window": WINDOW, key: content} for key, content in IN_WINDOWS.items()]
     assert parse_content(saved) == parse_content(yaml.safe_load(panel_text(written)))
 
 
@@ -563,11 +539,11 @@ def test_a_card_under_needles_has_its_fields(start: Start, open_page: OpenPage, 
     """A gauge with both shows the needles and the fields of the card below them."""
     home = tmp_path / "drawn"
     home.mkdir()
-    written = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    written = yaml_of(FIXTURES / "panel.yaml")
     written["gauges"][0] |= {"card": {"name": "heading_deg", "index": 270}, "wraps": 360, "sweep": [90, 450]}
     written["gauges"][0]["scale"] = [[90, 0], [180, 90], [270, 180]]
     shutil.copyfile(FIXTURES / written["picture"], home / written["picture"])
-    (home / "panel.yaml").write_text(yaml.safe_dump(written), encoding="utf-8")
+    write_yaml(home / "panel.yaml", written)
     page = open_page(start(panel=home / "panel.yaml", save_as=tmp_path / "panel.yaml"), quiet=False)
     page.locator("#outline li button", has_text="n1").click()
 
@@ -576,10 +552,9 @@ def test_a_card_under_needles_has_its_fields(start: Start, open_page: OpenPage, 
     expect(page.locator('[id="f:gauges[0].needles[0].name"]')).to_be_visible()
 
 
-def test_a_ball_is_drawn_by_its_way(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
+def test_a_ball_is_drawn_by_its_way(opened: Running, open_page: OpenPage) -> None:
     """A dial that becomes a ball needs no marks: three places of its way are typed, shown again, and saved."""
-    running = start(panel=None, save_as=tmp_path / "panel.yaml")
-    page = open_page(running)
+    page = open_page(opened)
     hand = Hand(page)
     page.locator("#outline li button", has_text="n1").click()
 
@@ -590,7 +565,7 @@ def test_a_ball_is_drawn_by_its_way(start: Start, open_page: OpenPage, tmp_path:
     expect(page.locator("#inspector .problem")).to_have_count(0)
     hand.save()
 
-    ball = drawn(running)["gauges"][0]["ball"]
+    ball = drawn(opened)["gauges"][0]["ball"]
     assert ball["tube"] == [[80, 90, -1], [120, 96, 0], [160, 90, 1]]
     assert ball["width"] == 12
 
@@ -598,13 +573,13 @@ def test_a_ball_is_drawn_by_its_way(start: Start, open_page: OpenPage, tmp_path:
 def test_an_attitude_indicator_is_drawn_in_its_fields(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """A card becomes a horizon with its own fields; pitch marks are typed as pairs, and all of it is saved whole."""
     home = FIXTURES / "borrowed" / "attitude_daylight"
-    written = yaml.safe_load((home / "panel.yaml").read_text(encoding="utf-8"))
+    written = yaml_of(home / "panel.yaml")
     attitude = written["gauges"][0].pop("attitude")
     written["gauges"][0]["card"] = {"name": "bank_deg", "index": 270}
     drawn_on = tmp_path / "drawn"
     drawn_on.mkdir()
     shutil.copyfile(home / written["picture"], drawn_on / written["picture"])
-    (drawn_on / "panel.yaml").write_text(yaml.safe_dump(written), encoding="utf-8")
+    write_yaml(drawn_on / "panel.yaml", written)
     running = start(drawn_on / written["picture"], drawn_on / "panel.yaml", tmp_path / "panel.yaml")
     page = open_page(running)
     hand = Hand(page)

@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from decoder.setup.pasting import carry_typed
-
-WINDOW = [[80, 60], [160, 60], [160, 84], [80, 84]]
+from tests.windows import WINDOW
 
 
 def moved(at: Sequence[float]) -> list[float]:

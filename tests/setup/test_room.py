@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.setup.hand import Hand
+from tests.setup.hand import Hand, OpenPage, Running
 
-OpenPage = Callable[..., Page]
-Running = Any
 GONE = re.compile("no-details")
 
 

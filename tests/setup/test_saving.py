@@ -18,7 +18,7 @@ from decoder.panel.panel import parse_panel
 from decoder.setup.saving import panel_text, plain_name, save_files
 from decoder.setup.session import NotValid, SavedElsewhere, SetupSession, WouldReplace
 from decoder.setup.sources import open_source
-from tests.programs import FIXTURES
+from tests.programs import FIXTURES, yaml_of
 
 numbers = st.floats(-5000, 5000).map(lambda value: round(value, 4)) | st.integers(-5000, 5000)
 keys = st.from_regex(r"[a-z][a-z_]{0,11}", fullmatch=True)
@@ -33,7 +33,7 @@ values = st.recursive(
 @pytest.mark.parametrize("panel", [FIXTURES / "panel.yaml", FIXTURES / "oblique" / "t1a_small" / "panel.yaml"])
 def test_text_says_what_was_drawn(panel: Path) -> None:
     """A panel's content written and read again is the same panel."""
-    content = yaml.safe_load(panel.read_text(encoding="utf-8"))
+    content = yaml_of(panel)
 
     assert yaml.safe_load(panel_text(content)).keys() == content.keys()
     for gauge, own in zip(parse_panel(panel_text(content)).gauges, content["gauges"], strict=True):
@@ -101,7 +101,7 @@ Begin = Callable[..., SetupSession]
 @pytest.fixture
 def document() -> Document:
     """The animation's panel."""
-    content: Document = yaml.safe_load((FIXTURES / "panel.yaml").read_text(encoding="utf-8"))
+    content: Document = yaml_of(FIXTURES / "panel.yaml")
     return content
 
 
@@ -162,7 +162,7 @@ def test_opened_panel_is_saved_without_a_question(begin: Begin, document: Docume
     with pytest.raises(WouldReplace, match=r"panel\.jpg"):
         session.save({**document, "name": "third"}, "frame-0", 2)
 
-    assert yaml.safe_load((tmp_path / "panel.yaml").read_text(encoding="utf-8"))["name"] == "second"
+    assert yaml_of(tmp_path / "panel.yaml")["name"] == "second"
 
 
 def test_link_that_a_panel_was_opened_through_stays_a_link(document: Document, tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_link_that_a_panel_was_opened_through_stays_a_link(document: Document, t
     session.save({**document, "name": "renamed"}, "panel", 0)
 
     assert link.is_symlink()
-    assert yaml.safe_load((shared / "panel.yaml").read_text(encoding="utf-8"))["name"] == "renamed"
+    assert yaml_of(shared / "panel.yaml")["name"] == "renamed"
     assert [path.name for path in flight.iterdir()] == ["panel.yaml"]
 
 

@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 
 import pytest
-import yaml
 
 from recorder.cli import DONE_WITH_LOSS as LOSS
 from recorder.config import load_config
+from tests.programs import write_yaml
 
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 FILES = {
@@ -209,7 +209,7 @@ def test_installed_box_records_from_a_camera(program: Path, tmp_path: Path) -> N
         "storage": {"directory": "flights", "keep_free_gib": 0},
         "evidence": {"key": "recorder.key"},
     }
-    (tmp_path / "recorder.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+    write_yaml(tmp_path / "recorder.yaml", config)
     box, limit = start("run", "--config", "recorder.yaml"), time.monotonic() + 60
     ledger = tmp_path / "ledger"
     while ledger.read_text("utf-8").count("\n") < 3 and box.poll() is None and time.monotonic() < limit:

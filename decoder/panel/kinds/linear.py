@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
-from pydantic import field_validator
 
 from decoder.panel.description import Name, Positive, Strict
 from decoder.panel.kind import Control, Dial, Form, Polar, Windowed
@@ -20,9 +19,8 @@ from decoder.panel.kinds.straight import (
     bow_per_px,
     corners_of,
     length_px,
-    line_at,
+    line_across,
     places_px,
-    to_polar,
 )
 from decoder.panel.scale import Marks, Quantity, Scale, monotone
 from decoder.panel.thresholds import LEAST_WINDOW_PX
@@ -62,13 +60,6 @@ class Linear(Windowed, Strict):
     )
     margin_part: ClassVar[float] = 0.5
 
-    @field_validator("marks")
-    @classmethod
-    def _marks_are_of_one_kind(cls, marks: PlacedMarks) -> PlacedMarks:
-        if len({isinstance(place, tuple) for place, _ in marks}) > 1:
-            raise ValueError("needs either points or single pixels, not both")
-        return marks
-
     def along(self, corners: Corners) -> Marks:
         """Return its marks as pixels along its window."""
         return monotone(tuple((places_px(self.moves, corners, place)[0], value) for place, value in self.marks))
@@ -103,6 +94,4 @@ class Linear(Windowed, Strict):
             return {}
         corners = corners_of(dial.window)
         along_px = float(Scale.of(self.along(corners)).angles_of(np.array([values[self.name]]))[0])
-        part = along_px / length_px(self.moves, corners)
-        one, other = (to_polar(corners, dial.centre, end) for end in line_at(self.moves, part))
-        return {self.name: (one, other)}
+        return {self.name: line_across(self.moves, corners, dial.centre, along_px)}

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from decoder.panel.arrays import NO_TRUTH, Degrees
 from decoder.panel.description import Name, PictureName, Positive, Strict, Text
 from decoder.panel.kind import Dial, Drawn, Form, Plain, Pointer, Usual
-from decoder.panel.scale import Marks, Quantity, check_turn, marks_at, monotone, turned
+from decoder.panel.scale import DialMarks, Quantity, check_turn, marks_at, turned
 
 MIN_TEMPLATE_SPAN_DEG = 2.0
 # Of a cropped needle, if the panel does not say: usual needles.
@@ -67,7 +67,7 @@ class Needle(Strict):
     """What it looks like."""
     covered_by: Text | None = None
     """The needle of the same gauge that turns above this one."""
-    scale: Marks | None = None
+    scale: DialMarks | None = None
     """Its own, where it shows another thing than the gauge."""
     wraps: Positive | None = None
     """Its own, beside its own scale."""
@@ -75,11 +75,6 @@ class Needle(Strict):
     """Of a needle with its own scale over a `card`: the column of what stands on the card where it points."""
     max_rate: Positive | None = None
     """How fast its value can change, in its unit a second; what is faster is listed among the outliers."""
-
-    @field_validator("scale")
-    @classmethod
-    def _scale_is_monotone(cls, scale: Marks | None) -> Marks | None:
-        return None if scale is None else monotone(scale)
 
     @model_validator(mode="after")
     def _turn_closes(self) -> Self:

@@ -16,25 +16,18 @@ from decoder.panel.scale import Marks, Quantity, Scale
 class _Card(DescribedKind, Protocol):
     """What is needed of `decoder.panel.kinds.card.Card`."""
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def index(self) -> float: ...
-    @property
-    def ring(self) -> float | None: ...
+    name: str
+    index: float
+    ring: float | None
 
 
 class _Needle(Protocol):
     """What is needed of `decoder.panel.kinds.needles.Needle`."""
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def scale(self) -> Marks | None: ...
-    @property
-    def wraps(self) -> float | None: ...
-    @property
-    def on_card(self) -> str | None: ...
+    name: str
+    scale: Marks | None
+    wraps: float | None
+    on_card: str | None
 
 
 class _Needles(DescribedKind, Protocol):

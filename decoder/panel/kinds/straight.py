@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from decoder.panel.arrays import Number, at_most
 
@@ -20,8 +20,16 @@ Side = tuple[Point, Point]
 Place = Pixels | Point
 """A point of the panel picture; or its x where things move across the window, its y where they move down."""
 
-PlacedMarks = Annotated[tuple[tuple[Place, Number], ...], Field(min_length=2, max_length=1000)]
 
+def _of_one_kind(marks: tuple[tuple[Place, float], ...]) -> tuple[tuple[Place, float], ...]:
+    if len({isinstance(place, tuple) for place, _ in marks}) > 1:
+        raise ValueError("needs either points or single pixels, not both")
+    return marks
+
+
+PlacedMarks = Annotated[
+    tuple[tuple[Place, Number], ...], Field(min_length=2, max_length=1000), AfterValidator(_of_one_kind)
+]
 
 # How precisely a corner is clicked; and by which part one end of a window usually appears larger than the other, as a
 # standard deviation: one that is a quarter as long as its picture is wide, seen from ten degrees aside.
@@ -45,11 +53,6 @@ def places_px(way: Way, corners: Corners, place: Place) -> tuple[float, float]:
     (across, down), (width_px, height_px) = to_window(corners, point), size_px(corners)
     both = across * width_px, down * height_px
     return both if way == ACROSS else both[::-1]
-
-
-def line_at(way: Way, part: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ends of a line across a window, (across, down) each, so far along it, from 0 to 1."""
-    return ((part, 0.0), (part, 1.0)) if way == ACROSS else ((0.0, part), (1.0, part))
 
 
 def length_px(way: Way, corners: Corners) -> float:
@@ -120,7 +123,15 @@ def bow_per_px(way: Way, corners: Corners) -> float:
     return clicked * ENDS_PART / math.hypot(clicked, ENDS_PART) / length_px(way, corners)
 
 
-def to_polar(corners: Corners, middle: Point, at: Point) -> tuple[float, float]:
+def line_across(way: Way, corners: Corners, middle: Point, along_px: float) -> tuple[Point, Point]:
+    """Return the ends of a line across a window, so far along it: degrees and pixels around its middle each."""
+    part = along_px / length_px(way, corners)
+    ends = ((part, 0.0), (part, 1.0)) if way == ACROSS else ((0.0, part), (1.0, part))
+    one, other = (_to_polar(corners, middle, end) for end in ends)
+    return one, other
+
+
+def _to_polar(corners: Corners, middle: Point, at: Point) -> tuple[float, float]:
     """Return where a place of the window, (across, down) in [0, 1], lies around its middle: degrees and pixels."""
     across, down = at
     top_left, top_right, bottom_right, bottom_left = corners

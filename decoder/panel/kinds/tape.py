@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import ClassVar
 
-from pydantic import field_validator
-
 from decoder.panel.description import Name, Positive, Strict
 from decoder.panel.kind import Control, Dial, Form, Polar, Windowed
 from decoder.panel.kinds.straight import (
@@ -19,9 +17,8 @@ from decoder.panel.kinds.straight import (
     Way,
     corners_of,
     length_px,
-    line_at,
+    line_across,
     places_px,
-    to_polar,
 )
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity
 
@@ -63,13 +60,6 @@ class Tape(Windowed, Strict):
         ),
         hint="Click the four corners of what is seen of it, clockwise from its top left, without its frame.",
     )
-
-    @field_validator("marks")
-    @classmethod
-    def _marks_are_of_one_kind(cls, marks: PlacedMarks) -> PlacedMarks:
-        if len({isinstance(place, tuple) for place, _ in marks}) > 1:
-            raise ValueError("needs either points or single pixels, not both")
-        return marks
 
     def drawn(self, corners: Corners) -> tuple[tuple[float, float, float], ...]:
         """Return its marks: pixels along and across its window, and the value, unrolled where they pass a turn."""
@@ -120,6 +110,4 @@ class Tape(Windowed, Strict):
         if not math.isfinite(values[self.name]):
             return {}
         corners = corners_of(dial.window)
-        part = self.index_px(corners) / length_px(self.moves, corners)
-        one, other = (to_polar(corners, dial.centre, end) for end in line_at(self.moves, part))
-        return {self.name: (one, other)}
+        return {self.name: line_across(self.moves, corners, dial.centre, self.index_px(corners))}

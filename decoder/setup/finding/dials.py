@@ -67,7 +67,7 @@ class Page:
     texts: tuple[Text, ...]
 
 
-def seen_around(texts: Sequence[Text], drawn: DrawnPlane, reach_px: float = math.inf) -> list[Numeral]:
+def seen_around(texts: Sequence[Text], drawn: DrawnPlane) -> list[Numeral]:
     """Return numbers, and letters of a compass, as seen from a pivot."""
     found = []
     for text in texts:
@@ -75,7 +75,7 @@ def seen_around(texts: Sequence[Text], drawn: DrawnPlane, reach_px: float = math
         letter = LETTERS.get(text.said.strip(" .'-"))
         value = text.value if letter is None else letter
         height = min(text.size_px)
-        if value is None or not height < radius_px < min(MOST_HEIGHTS * height, reach_px):
+        if value is None or not height < radius_px < MOST_HEIGHTS * height:
             continue
         found.append(
             Numeral(text.said, value, angle_deg % 360.0, radius_px, text.sure, letter is not None, text.at, height)

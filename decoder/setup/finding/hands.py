@@ -23,6 +23,7 @@ from decoder.panel.gauge import Combined
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.drawn_plane import XY, DrawnPlane, away
+from decoder.setup.finding.robust import Trust, meeting
 from decoder.setup.finding.thresholds import ALIKE, LEAST_RUN, LONG_PART, MISS_PX, NEAR_DEG, RING_PART
 from decoder.setup.proposals import Dial, Pictures
 
@@ -32,7 +33,7 @@ PLAINEST = 8
 HUB_PART, RIM_PART = 0.12, 0.97
 # The brightest part of a dial in a frame that belongs to hands, percent.
 LIT_PERCENTILE = 99.0
-ROUNDS, PASSES = 3, 6
+ROUNDS = 3
 # The number of tips examined in a frame, longest first: three hands, their tails, and whatever else moves.
 MOST_TIPS = 10
 # The weight of a pivot's old place against one of the lines that meet.
@@ -229,16 +230,9 @@ def turning_at(frames: Sequence[Sequence[Tip]], drawn: DrawnPlane) -> DrawnPlane
     if len(lines) < 2 * LEAST_RUN:
         return drawn
     points, along, lengths = (np.array(each) for each in zip(*lines, strict=True))
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    off = (normal * points).sum(axis=1)
-    weights, at = lengths.copy(), np.zeros(2)
-    for _ in range(PASSES):
-        weighted = normal * weights[:, None]
-        # Parallel lines tell nothing in their own direction; there it stays, to within some pixels.
-        at = np.linalg.solve(weighted.T @ normal + float(lengths.mean()) * STAYS * np.eye(2), weighted.T @ off)
-        left = np.abs(normal @ at - off)
-        weights = lengths / (1.0 + (left / (HALF + float(np.median(left)))) ** 2) ** 2
-    return drawn.moved(*at)
+    # Parallel lines tell nothing in their own direction; there it stays, to within some pixels.
+    held = float(lengths.mean()) * STAYS * np.eye(2)
+    return drawn.moved(*meeting(points, along, lengths, Trust(HALF, power=2), held=held))
 
 
 def _line(axis: Floats) -> tuple[Floats, Floats, float] | None:

@@ -17,6 +17,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.setup.drawn_plane import away
+from decoder.setup.finding.robust import Trust, robust
 from decoder.setup.finding.scales import Fit, Numeral
 from decoder.setup.finding.thresholds import ALIKE, ENOUGH, LEAST_APART_DEG, LEAST_RUN, MOST_BEND, NEAR_DEG, OFF_DEG
 from decoder.setup.finding.ticks import Comb, Tick
@@ -185,12 +186,7 @@ def _goes_on(numeral: Numeral, slope: float, start: float) -> bool:
 
 
 def _line(values: Floats, angles: Floats) -> tuple[float, float]:
-    weights = np.ones_like(values)
-    slope, start = 0.0, 0.0
-    for _ in range(6):
-        slope, start = np.polyfit(values, angles, 1, w=weights)
-        left = np.abs(slope * values + start - angles)
-        weights = 1.0 / (1.0 + (left / (0.3 + 1.5 * float(np.median(left)))) ** 2)
+    (slope, start), _, _ = robust(np.stack([values, np.ones_like(values)], axis=1), angles, Trust(0.3, 1.5, power=2))
     return float(slope), float(start)
 
 

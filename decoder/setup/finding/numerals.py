@@ -5,7 +5,6 @@ The package is an extra. What it reads is only as good as its agreement with the
 
 from __future__ import annotations
 
-import logging
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.panel.arrays import Floats
+from decoder.setup.finding.robust import Trust, robust
 from decoder.setup.finding.thresholds import EDGE_PX, LEAST_TICKS, MOST_ROLL_DEG, SAME_PLACE, WORD_SHAPE
 
 PACKAGES = ("rapidocr", "onnxruntime")
@@ -34,7 +34,6 @@ PART_PX, OVERLAP_PX = 1280, 192
 
 # A word of this length gives its own rotation to this precision.
 LONG_PX, LEVEL_DEG = 40.0, 0.5
-PASSES = 6
 
 _NUMBER = re.compile(r"^[^0-9A-Za-z+.]*([+-]?)(\d{1,3}(?:,\d{3})+|\d+\.\d+|\d+)[^0-9A-Za-z]*$")
 _MISREAD = str.maketrans("OoQDIl|", "0000111")
@@ -110,19 +109,14 @@ def _idle_engines() -> SimpleQueue[Any]:
 def _new_engine() -> Any:  # noqa: ANN401 - of a package that may be absent
     from rapidocr import RapidOCR  # noqa: PLC0415 - an extra, and half a second
 
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        return RapidOCR(
-            params={
-                "Global.max_side_len": 1 << 15,
-                "Global.log_level": "critical",
-                "Global.use_cls": False,
-                "EngineConfig.onnxruntime.intra_op_num_threads": 1,
-            }
-        )
-    finally:
-        logging.disable(before)
+    return RapidOCR(
+        params={
+            "Global.max_side_len": 1 << 15,
+            "Global.log_level": "critical",
+            "Global.use_cls": False,
+            "EngineConfig.onnxruntime.intra_op_num_threads": 1,
+        }
+    )
 
 
 def seen_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
@@ -232,10 +226,5 @@ def level_deg(texts: Sequence[Text], at: tuple[float, float], size_px: tuple[int
     turns = np.array([text.turned_deg for text in words])
     # A box's edge is known to a pixel, and a panel that is nearly square on rotates none of them.
     lengths = np.array([text.size_px[0] for text in words]) / LONG_PX
-    weights, told = lengths**2, np.zeros(3)
-    for _ in range(PASSES):
-        weighted = design * weights[:, None]
-        told = np.linalg.solve(weighted.T @ design + np.diag([0.0, 0.1, 0.1]), weighted.T @ turns)
-        left = np.abs(design @ told - turns)
-        weights = lengths**2 / (1.0 + (left / (LEVEL_DEG + float(np.median(left)))) ** 2)
-    return float(told[0])
+    level, _, _ = robust(design, turns, Trust(LEVEL_DEG), base=lengths**2, held=np.diag([0.0, 0.1, 0.1]))
+    return float(level[0])

@@ -19,8 +19,18 @@ from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
 from decoder.registration.thresholds import NOISE_LEVELS
-from decoder.setup.dial_edges import Rim, Ring, begun, levels_on_rings, mark_angle_deg, oblique_rim
+from decoder.setup.dial_edges import (
+    Freedom,
+    Rim,
+    Ring,
+    begun,
+    levels_on_rings,
+    mark_angle_deg,
+    oblique_rim,
+    ring_design,
+)
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
+from decoder.setup.finding.robust import Trust, meeting, robust
 from decoder.setup.finding.strokes import Strokes
 from decoder.setup.finding.thresholds import (
     ALL_ROUND_DEG,
@@ -40,6 +50,8 @@ from decoder.setup.thresholds import MAX_FLATNESS
 PASSES = 5
 ROUNDS = 3
 ENDS = (("inner_px", 20), ("outer_px", 80))
+# How far strokes may pass the point that they aim at, and ticks end beside their circle, px.
+STROKES, ENDS_OFF = Trust(0.075, 1.5), Trust(0.2, 1.5)
 ANGLE_STEP_DEG = 0.25
 RADIUS_STEP_PX = 0.5
 PLAIN_STEP = 4
@@ -142,12 +154,7 @@ def _radiating(picture: NDArray[np.uint8], drawn: DrawnPlane, ticks: Sequence[Ti
         off.append(math.radians(inner_deg - outer_deg))
     if len(off) < LEAST_TICKS:
         return 0.0, 0.0
-    (x, y), weights, lines, leans = np.zeros(2), np.ones(len(off)), np.array(design), np.array(off)
-    for _ in range(PASSES):
-        weighted = lines * weights[:, None]
-        x, y = np.linalg.solve(weighted.T @ lines + 1e-9 * np.eye(2), weighted.T @ leans)
-        left = np.abs(lines @ (x, y) - leans)
-        weights = 1.0 / (1.0 + (left / (3 * float(np.median(left)) + 1e-4)) ** 2) ** 2
+    (x, y), _, _ = robust(np.array(design), np.array(off), Trust(1e-4, 3.0, power=2), held=1e-9 * np.eye(2))
     return float(x), float(y)
 
 
@@ -181,7 +188,9 @@ def comb_around(
         own = _aiming(strokes, centre, numerals_px)
         if len(own) < LEAST_STROKES:
             return None
-        centre = _meeting(own.where(_ring(own, centre)), centre)
+        ring = own.where(_ring(own, centre))
+        x, y = meeting(ring.at, ring.along, ring.length_px, STROKES)
+        centre = float(x), float(y)
     own = _aiming(strokes, centre, numerals_px)
     own = own.where(_ring(own, centre))
     if len(own) < LEAST_STROKES:
@@ -232,41 +241,28 @@ def _ring(own: Strokes, centre: XY) -> NDArray[np.bool_]:
     return np.asarray(best, np.bool_)
 
 
-def _meeting(own: Strokes, centre: XY) -> XY:
-    """Return where the lines of strokes meet, by robust least squares."""
-    normal = np.stack([-own.along[:, 1], own.along[:, 0]], axis=1)
-    off = (normal * own.at).sum(axis=1)
-    at = np.array(centre)
-    weights = own.length_px.copy()
-    for _ in range(PASSES):
-        weighted = normal * weights[:, None]
-        at = np.linalg.lstsq(weighted.T @ normal, weighted.T @ off, rcond=None)[0]
-        left = np.abs(normal @ at - off)
-        spread = float(np.median(left)) + 0.05
-        weights = own.length_px / (1.0 + (left / (1.5 * spread)) ** 2)
-    return float(at[0]), float(at[1])
-
-
 def _centred(drawn: DrawnPlane, ticks: Sequence[Tick]) -> tuple[DrawnPlane, float, float, float]:
     """Move a pivot to where the ticks' ends lie on circles; return its plane, both ends' distances there, and misfits.
 
     The misfit is that of the ends and a circle around the old pivot, due to its place and to its shape.
     """
     angles = np.radians([tick.angle_deg for tick in ticks])
-    design = np.stack([np.cos(angles), np.sin(angles), np.ones_like(angles)], axis=1)
+    design = ring_design(angles, Freedom.CIRCLE)
     found = []
     inner, outer = _both_ends(ticks)
     # Long and short ticks share one end, or their middles.
     for ends in (inner, outer, (inner + outer) / 2):
         # A comb on one side determines radius and place only together, so neither may run off.
-        left_px, step, weights = _robust(design, ends, stays=0.5)
+        step, off, weights = robust(design, ends, ENDS_OFF, held=np.diag([0.5, 0.5, 0.0]))
         shape = np.array(
             [
                 np.average((design @ step - ends) * np.cos(2 * angles + turn), weights=weights)
                 for turn in (0.0, np.pi / 2)
             ]
         )
-        found.append((left_px, step, math.hypot(*step[:2]) + 2 * float(np.hypot(*shape))))
+        found.append(
+            (float(np.average(off, weights=weights)), step, math.hypot(*step[:2]) + 2 * float(np.hypot(*shape)))
+        )
     (_, inner, _), (_, outer, _), _ = found
     _, (right, down, _), off_px = min(found, key=lambda each: each[0])
     return drawn.moved(right, down), float(inner[2]), float(outer[2]), off_px
@@ -297,36 +293,15 @@ def _bent(
             return
         inner, outer = _both_ends(ticks)
         around = np.radians([tick.angle_deg for tick in ticks])
-        design = np.stack(
-            [np.cos(around), np.sin(around), np.ones_like(around), np.cos(2 * around), np.sin(2 * around)], axis=1
-        )
-        found = [_robust(design, each) for each in (inner, outer, (inner + outer) / 2)]
-        _, step, _ = min(found, key=lambda each: each[0])
+        design = ring_design(around, Freedom.ELLIPSE)
+        found = [robust(design, each, ENDS_OFF) for each in (inner, outer, (inner + outer) / 2)]
+        step, _, _ = min(found, key=lambda each: float(np.average(each[1], weights=each[2])))
         level = float(step[2])
         bent = Ring(ring.drawn, level).stepped(step - np.array([0.0, 0.0, level, 0.0, 0.0]))
-        inner_px, outer_px = (float(each[1][2]) for each in found[:2])
+        inner_px, outer_px = (float(each[0][2]) for each in found[:2])
         ring = Ring(bent.drawn, outer_px)
     if ring.flatness < MAX_FLATNESS:
         yield oblique_rim(planes, ring.drawn, outer_px)
-
-
-def _robust(design: Floats, ends: Floats, *, stays: float = 0.0) -> tuple[float, Floats, Floats]:
-    """Fit ends by robust least squares; return the residual, the parameters, and the weights.
-
-    Parameters
-    ----------
-    stays : the weight of the old place, which the first two parameters are the distance from
-    """
-    held = np.diag([stays, stays, *np.zeros(design.shape[1] - 2)])
-    weights = np.ones_like(ends)
-    step: Floats = np.zeros(design.shape[1])
-    left = ends
-    for _ in range(PASSES):
-        weighted = design * weights[:, None]
-        step = np.linalg.lstsq(weighted.T @ design + held, weighted.T @ ends, rcond=None)[0]
-        left = np.abs(design @ step - ends)
-        weights = 1.0 / (1.0 + (left / (1.5 * float(np.median(left)) + 0.2)) ** 2)
-    return float(np.average(left, weights=weights)), step, weights
 
 
 def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: float) -> list[Tick]:

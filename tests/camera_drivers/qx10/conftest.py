@@ -12,14 +12,13 @@ from typing import Any
 import pytest
 
 from camera_drivers.clock import Clock
-from camera_drivers.errors import CameraError
 from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.options import SSDP_ADDRESS, Qx10Limits, Qx10Settings
 from camera_drivers.qx10.simulator.behaviour import Behaviour
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
 from flight_file.frame import ClockReading, Frame
 from recorder.host import SystemClock
-from tests.camera_drivers.listening import Listener
+from tests.camera_drivers.listening import Listener, taken_by_and_by
 from tests.camera_drivers.qx10.strangers import Strangers
 
 LIMITS = Qx10Limits(
@@ -46,7 +45,6 @@ QUICK = Behaviour(
     silent_s=0.5,
     zoom_percent_per_s=400.0,
 )
-CONNECTIONS = 20  # nothing in these tests takes longer than that many attempts
 
 
 def settings_for(search_address: tuple[str, int] = SSDP_ADDRESS, **wanted: Any) -> Qx10Settings:  # noqa: ANN401
@@ -85,24 +83,11 @@ class Bench:
     simulated: SimulatedQx10
     camera: Qx10Camera
     listener: Listener
-    failures: list[CameraError] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
 
     def take(self, number: int) -> list[Frame]:
         """So many frames; the camera is connected again as the recorder does it."""
-        frames: list[Frame] = []
-        for _ in range(CONNECTIONS):
-            try:
-                with self.camera:
-                    while len(frames) < number:
-                        frame = self.camera.next_frame(threading.Event())
-                        assert frame is not None
-                        frames.append(frame)
-            except CameraError as error:
-                self.failures.append(error)
-                threading.Event().wait(0.1)
-            else:
-                return frames
-        raise AssertionError(self.failures)
+        return taken_by_and_by(self.camera, number, self.failures)
 
 
 MakeBench = Callable[..., Bench]

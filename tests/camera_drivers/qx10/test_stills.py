@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import struct
 import threading
 from collections.abc import Callable
@@ -24,6 +23,7 @@ from camera_drivers.qx10.simulator.pictures import drawn_picture
 from camera_drivers.reporter import Reporter
 from flight_file.frame import ClockReading, Exif, HostTimes
 from recorder.host import SimulatedClock, SystemClock
+from tests.jpegs import encoded
 
 S = 1_000_000_000
 JPEG = drawn_picture(1)
@@ -42,9 +42,7 @@ def with_header_of(size_px: tuple[int, int]) -> bytes:
 
 def in_scans(*, more: int = 0, size_px: tuple[int, int] = (64, 48)) -> bytes:
     """A progressive picture of nothing, with its last scan repeated."""
-    buffer = io.BytesIO()
-    Image.new("RGB", size_px, (90, 91, 92)).save(buffer, "JPEG", progressive=True, subsampling=0)
-    picture = buffer.getvalue()
+    picture = encoded(Image.new("RGB", size_px, (90, 91, 92)), progressive=True, subsampling=0)
     return picture[:-2] + picture[picture.rindex(b"\xff\xda") : -2] * more + picture[-2:]
 
 

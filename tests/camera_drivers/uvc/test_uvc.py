@@ -19,7 +19,7 @@ from camera_drivers.uvc.stream import DAMAGED, NO_JPEG, NOT_DELIVERED, uvc_camer
 from camera_drivers.uvc.v4l2 import Control
 from flight_file.frame import NS_PER_S, Frame
 from tests.camera_drivers.conftest import MakeJpeg
-from tests.camera_drivers.listening import Listener
+from tests.camera_drivers.listening import Listener, taken_by_and_by
 from tests.camera_drivers.uvc.webcam import PATH, START_NS, Webcam
 
 Options = partial(UvcSettings, driver="uvc")
@@ -48,17 +48,7 @@ class Bench:
 
     def take(self, number: int, **options: object) -> list[Frame]:
         """So many frames, connecting again as the recorder does."""
-        frames: list[Frame] = []
-        camera = self.camera(**options)
-        while len(frames) < number:
-            try:
-                with camera:
-                    while len(frames) < number:
-                        frames.append(camera.next_frame(threading.Event()))
-            except CameraError as error:
-                self.failures.append(str(error))
-                assert len(self.failures) < 20
-        return frames
+        return taken_by_and_by(self.camera(**options), number, self.failures)
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 
 import cv2
@@ -56,6 +56,12 @@ CONTENT = {
 }
 
 
+def jpeg_of(plane: Callable[[int], np.ndarray], quality: int = 95) -> bytes:
+    """A JPEG of what a function draws for each place in a colour: red, green, blue."""
+    picture = np.stack([plane(place) for place in (2, 1, 0)], axis=-1)
+    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+
+
 def draw(angle_deg: float, needle: Colour, face: Colour, seed: int) -> bytes:
     """A JPEG of a dial with such a needle, and of a small one with a white needle, with noise of its own each colour.
 
@@ -77,9 +83,7 @@ def draw(angle_deg: float, needle: Colour, face: Colour, seed: int) -> bytes:
         canvas.bar(angle_deg, (0.0, 17.0), (1.4, 1.0), 230.0, (214.0, 130.0))
         return finished(canvas, noise=3.0, blur=0.7, quality=98, seed=3 * seed + place)
 
-    picture = np.stack([plane(place) for place in (2, 1, 0)], axis=-1)
-    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
-    return jpeg.tobytes()
+    return jpeg_of(plane, quality=90)
 
 
 def panel_of(picture: bytes, gauges: Sequence[Mapping[str, object]]) -> PanelPictures:
@@ -165,8 +169,7 @@ def horizon(roll_deg: float, pitch_deg: float, seed: int) -> bytes:
         canvas.picture[is_line] = 190
         return finished(canvas, noise=3.0, blur=0.7, quality=98, seed=3 * seed + place)
 
-    _, jpeg = cv2.imencode(".jpg", np.stack([plane(place) for place in (2, 1, 0)], axis=-1))
-    return jpeg.tobytes()
+    return jpeg_of(plane)
 
 
 def test_horizon_as_bright_as_its_sky_is_read_in_its_colours() -> None:
@@ -220,8 +223,7 @@ def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0, words
         canvas.picture[:] = (canvas.picture * sun).astype(np.uint8)
         return finished(canvas, noise=2.0, blur=0.7, quality=98, seed=3 * seed + place)
 
-    _, jpeg = cv2.imencode(".jpg", np.stack([plane(place) for place in (2, 1, 0)], axis=-1))
-    return jpeg.tobytes()
+    return jpeg_of(plane)
 
 
 @pytest.mark.parametrize("words", [False, True], ids=["plain", "words"])
@@ -328,8 +330,7 @@ def twins(black_deg: float, maroon_deg: float, seed: int) -> bytes:
         canvas.hand(Hand(level=MAROON[place], tip=58.0), maroon_deg)
         return finished(canvas, noise=3.0, blur=0.7, quality=98, seed=3 * seed + place)
 
-    _, jpeg = cv2.imencode(".jpg", np.stack([plane(place) for place in (2, 1, 0)], axis=-1))
-    return jpeg.tobytes()
+    return jpeg_of(plane)
 
 
 def test_hands_that_differ_by_their_colour_only_are_read_where_it_tells_them_apart() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,6 +24,7 @@ from decoder.panel.errors import PictureError
 from decoder.panel.vocabulary import Method
 from flight_file.documents import picture_header
 from flight_file.reader import Flight, open_flight
+from tests.jpegs import encoded
 from tests.programs import A2
 
 
@@ -87,7 +87,7 @@ def test_lost_and_damaged_frames_leave_their_batch_alone(
 ) -> None:
     """A frame without a panel, and a picture that cannot be opened, have a reason; those beside them are as ever."""
     (batch,) = batches(flight.frames(), 30)
-    black = encoded(np.zeros_like(pictures[1]))
+    black = coloured(np.zeros_like(pictures[1]))
     outcomes = read_batch(
         reader,
         (*batch[:3], replace(batch[3], encoded=black), replace(batch[4], encoded=batch[4].encoded[:1000]), *batch[5:]),
@@ -109,21 +109,19 @@ def test_larger_pictures_come_in_smaller_batches(size_px: tuple[int, int], frame
     assert batch_frames(size_px) == frames
 
 
-def encoded(picture: GreyPicture, **options: object) -> bytes:
+def coloured(picture: GreyPicture, **options: object) -> bytes:
     """A JPEG in colour, the picture in its green part."""
-    stream = io.BytesIO()
-    Image.fromarray(np.stack([picture, picture[::-1], picture // 2], axis=2)).save(stream, "JPEG", **options)
-    return stream.getvalue()
+    return encoded(Image.fromarray(np.stack([picture, picture[::-1], picture // 2], axis=2)), **options)
 
 
 @pytest.mark.parametrize("options", [{}, {"progressive": True}, {"subsampling": 0}, {"quality": 30}], ids=str)
 def test_pictures_in_a_block_are_the_same_bit_for_bit(pictures: list[GreyPicture], options: dict[str, object]) -> None:
     """Whatever the kind of JPEG, and in memory that held another picture before."""
     block = PictureBlock()
-    block.grey_picture(encoded(pictures[0]), 0)
+    block.grey_picture(coloured(pictures[0]), 0)
 
     for picture in (pictures[1], pictures[2][:300, :401]):
-        jpeg = encoded(picture, **options)
+        jpeg = coloured(picture, **options)
         assert np.array_equal(block.grey_picture(jpeg, 0), grey_picture(jpeg))
 
 
@@ -137,7 +135,7 @@ def claiming(jpeg: bytes, height_px: int, width_px: int) -> bytes:
 @pytest.mark.parametrize("size", [(12_000, 12_000), (65_535, 65_535), (40_000, 2_000)], ids=str)
 def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPicture], size: tuple[int, int]) -> None:
     """No memory is allocated for a picture that its bytes cannot contain; the damaged header is reported instead."""
-    jpeg, block = claiming(encoded(pictures[0]), *size), PictureBlock()
+    jpeg, block = claiming(coloured(pictures[0]), *size), PictureBlock()
     said = f"says that it is {size[1]} x {size[0]}, but has {len(jpeg)} bytes"
 
     for decompress in (grey_picture, partial(block.grey_picture, slot=0)):
@@ -148,11 +146,9 @@ def test_picture_that_claims_too_much_is_given_no_memory(pictures: list[GreyPict
 
 def test_one_large_picture_is_no_reason_for_room_for_many(pictures: list[GreyPicture]) -> None:
     """It has its own memory; the others' places do not change."""
-    stream = io.BytesIO()
-    Image.new("L", (4000, 3000)).save(stream, "JPEG")
-    block, small = PictureBlock(), encoded(pictures[0])
+    block, small, huge = PictureBlock(), coloured(pictures[0]), encoded(Image.new("L", (4000, 3000)))
     block.reserve(32)
-    first, large, last = (block.grey_picture(jpeg, slot) for slot, jpeg in enumerate([small, stream.getvalue(), small]))
+    first, large, last = (block.grey_picture(jpeg, slot) for slot, jpeg in enumerate([small, huge, small]))
 
     assert large.shape == (3000, 4000)
     assert np.array_equal(first, last)
@@ -182,7 +178,7 @@ def test_first_rows_are_those_of_the_picture(flight: Flight, pictures: list[Grey
     for rows in (16, 400, 401):
         assert np.array_equal(block.frame(jpeg, 0, None, rows).pixels, pictures[0][:rows])
     assert np.array_equal(block.frame(jpeg, 0, None, 768).pixels, pictures[0])
-    progressive = encoded(pictures[0], progressive=True)
+    progressive = coloured(pictures[0], progressive=True)
     assert isinstance(block.frame(progressive, 0, None, 400), FramePicture)
     with pytest.raises(PictureError):
         block.frame(jpeg[:-2], 0, None, 400)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -161,34 +161,29 @@ def lined(value: float, grid: WindowGrid, line: float, seed: int = 0) -> Floats:
     return seen(grid, levels, seed)
 
 
-def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
-    """An altitude tape without an end is read frame by frame beyond what the panel picture shows, above and below."""
-    marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
-    gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
-    own = DrawnTape.of(gauge, grid)
-    first = first_tape(own.marks, own.turn, own.along(altitude(1000.0, grid)), is_round=False)
-    flown = np.linspace(700.0, 1700.0, 16)
-    picture = learn_tape([own.along(altitude(a, grid, n)) for n, a in enumerate(flown.tolist())], first, own.marks)
-    wanted = np.array([712.0, 985.0, 1010.0, 1234.0, 1490.0, 1650.0, 3000.0])
-    found = read(gauge, grid, picture, *(altitude(a, grid, 50) for a in wanted.tolist()))
-
-    assert [one.status for one in found] == [Status.READ] * 6 + [Status.MISSING]
-    assert all(
-        abs(one.angle_deg - a) < 1.96 * one.sigma_deg for one, a in zip(found[:6], wanted.tolist(), strict=False)
-    )
-
-
-def flown(window: Callable[[float, WindowGrid, int], Floats]) -> list[tuple[Reading, float]]:
-    """What a flat tape that was learned in a climb from 1000 to 2200 shows at other heights, with the truth."""
+def flown(
+    window: Callable[[float, WindowGrid, int], Floats],
+    climb: tuple[float, float] = (1000.0, 2200.0),
+    at: Sequence[float] = tuple(range(1010, 2200, 97)),
+) -> list[tuple[Reading, float]]:
+    """What a flat tape that was learned in a climb shows at other heights, with the truth."""
     marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
     gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
     own = DrawnTape.of(gauge, grid)
     first = first_tape(own.marks, own.turn, own.along(window(1000.0, grid, 0)), is_round=False)
-    climb = np.linspace(1000.0, 2200.0, 16).tolist()
-    picture = learn_tape([own.along(window(a, grid, n)) for n, a in enumerate(climb)], first, own.marks)
-    wanted = np.arange(1010.0, 2200.0, 97.0).tolist()
-    found = read(gauge, grid, picture, *(window(a, grid, 50) for a in wanted))
-    return list(zip(found, wanted, strict=True))
+    seen_at = enumerate(np.linspace(*climb, 16).tolist())
+    picture = learn_tape([own.along(window(height, grid, n)) for n, height in seen_at], first, own.marks)
+    found = read(gauge, grid, picture, *(window(height, grid, 50) for height in at))
+    return list(zip(found, at, strict=True))
+
+
+def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
+    """An altitude tape without an end is read frame by frame beyond what the panel picture shows, above and below."""
+    *found, (beyond, _) = flown(altitude, (700.0, 1700.0), (712.0, 985.0, 1010.0, 1234.0, 1490.0, 1650.0, 3000.0))
+
+    assert {one.status for one, _ in found} == {Status.READ}
+    assert all(abs(one.angle_deg - height) < 1.96 * one.sigma_deg for one, height in found)
+    assert beyond.status is Status.MISSING
 
 
 @pytest.mark.parametrize("line", [0.0, 1.0])
@@ -283,18 +278,10 @@ def read_speeds(speeds_kt: Floats, *, readout: bool, contrast: float, framed: bo
     return off, is_read
 
 
-def test_changing_digits_in_a_box_over_the_tape_do_not_keep_it_from_being_read() -> None:
-    """They changed as much as the tape did, but not as it did, and one frame in twenty matched."""
-    speeds_kt = np.arange(91.0, 115.0, 1.7)
-    off, is_read = read_speeds(speeds_kt, readout=True, contrast=1.0)
-
-    assert is_read.mean() >= 0.8
-    assert np.abs(off).max() < 0.5
-
-
-def test_tape_whose_window_was_drawn_around_its_frame_is_read() -> None:
-    """Its ends and an index across it stand still, and enclose all of the tape."""
-    off, is_read = read_speeds(np.arange(91.0, 115.0, 1.7), readout=False, contrast=1.0, framed=True)
+@pytest.mark.parametrize(("readout", "framed"), [(True, False), (False, True)], ids=["a box", "a frame"])
+def test_what_lies_over_a_tape_does_not_keep_it_from_being_read(*, readout: bool, framed: bool) -> None:
+    """Digits in a box changed as much as the tape did, but not as it did; a frame and an index stand still."""
+    off, is_read = read_speeds(np.arange(91.0, 115.0, 1.7), readout=readout, contrast=1.0, framed=framed)
 
     assert is_read.mean() >= 0.8
     assert np.abs(off).max() < 0.5

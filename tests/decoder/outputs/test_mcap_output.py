@@ -23,7 +23,7 @@ from decoder.panel.errors import OutputError
 from decoder.timeseries.flight_data import FlightData
 from flight_file.frame import ClockReading, Exif, Frame, HostTimes
 from flight_file.session import Session
-from tests.decoder.cockpit import fly, reading, source_of
+from tests.decoder.cockpit import fly, reading
 from tests.programs import ROOT
 
 PROVENANCE = Provenance(
@@ -34,12 +34,6 @@ CAMERA = parse_camera(
     "distortion: [{focal_length_mm: 5, k1: -0.05, k2: 0.01, p1: 0.001, p2: -0.002, k3: 0.0}]\n"
 )
 START_NS = 1_525_435_200_000_000_000
-
-
-@pytest.fixture
-def panel(document: dict[str, Any]) -> PanelPictures:
-    """The drawn cockpit's panel."""
-    return source_of(document)
 
 
 @pytest.fixture

@@ -19,19 +19,13 @@ from pydantic import TypeAdapter
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.instruments.reading import Status
 from decoder.timeseries.flight_data import FlightData
-from tests.decoder.cockpit import fly, reading, source_of
+from tests.decoder.cockpit import fly, reading
 from tests.decoder.outputs.test_mcap_output import CAMERA, frame, written
 from tests.programs import ROOT
 
 # Encodings of messages of ours for which PlotJuggler brings a parser: `nlohmann_parsers.h`, `ParserProtobuf`.
 ITS_PARSERS = {"json", "protobuf"}
 DELIMITERS = "\t;, "  # in the order in which it prefers them
-
-
-@pytest.fixture
-def panel(document: dict[str, Any]) -> PanelPictures:
-    """The drawn cockpit's panel."""
-    return source_of(document)
 
 
 @pytest.fixture

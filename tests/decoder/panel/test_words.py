@@ -7,28 +7,21 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-import yaml
 from pydantic import ValidationError
 
 from decoder.panel.description import SAID, UNKNOWN, problems_in
 from decoder.panel.panel import Panel
-from tests.programs import FIXTURES
+from tests.hostile import places
+from tests.programs import FIXTURES, yaml_of
+from tests.windows import IN_WINDOWS, WINDOW
 
-WINDOW = [[80, 60], [160, 60], [160, 84], [80, 84]]
-IN_WINDOWS: dict[str, dict[str, Any]] = {
-    "lamp": {"name": "lamp_on", "lit": True},
-    "digits": {"name": "squawk", "pattern": "#000", "shows": " 720", "text": True},
-    "printed": {"name": "setting", "pattern": "00.00", "shows": "29.92", "rolls": "up", "pitch": 20, "gap": 0.4},
-    "linear": {"name": "trim_pct", "moves": "across", "marks": [[90, 0], [150, 100]], "at": [120, 70], "span": 20},
-    "tape": {"name": "compass_deg", "index": 72, "marks": [[62, 310], [80, 340]], "turn": 360},
-}
 DAMAGE: tuple[Any, ...] = (None, "two words", [], -1, 1e9, float("nan"), {"a": 1})
 
 
 def whole() -> dict[str, Any]:
     """A panel with an instrument of every kind."""
-    panel: dict[str, Any] = yaml.safe_load((FIXTURES / "oblique" / "odd_small" / "panel.yaml").read_text("utf-8"))
-    horizon = yaml.safe_load((FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml").read_text("utf-8"))
+    panel: dict[str, Any] = yaml_of(FIXTURES / "oblique" / "odd_small" / "panel.yaml")
+    horizon = yaml_of(FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml")
     kept = {"heading_card", "altimeter"}
     gauges = [gauge for gauge in panel["gauges"] if gauge["name"] in kept] + horizon["gauges"][:1]
     ball = {
@@ -39,14 +32,6 @@ def whole() -> dict[str, Any]:
     short = {"anchors": panel["anchors"][:1], "reference_points": panel["reference_points"][:1]}
     columns = {"columns": {"squawk": {"above": 7000, "means": "none"}}}
     return panel | short | columns | {"gauges": [*gauges, ball, *windows]}
-
-
-def places(part: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:  # noqa: ANN401 - whatever stands there
-    """The paths of all its parts."""
-    if path:
-        yield path
-    for key, own in part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ():
-        yield from places(own, (*path, key))
 
 
 def damaged() -> Iterator[dict[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from decoder.panel.parameters import Column, parameter_of
 from decoder.panel.scale import Quantity
 from decoder.timeseries.cross_checks import CrossCheck, cross_checks
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries
+from tests.programs import rows_of
 
 COCKPIT = Path(__file__).parents[4] / "shared" / "data" / "cockpit_flight"
 TURN = {"heading": 360.0, "compass": 360.0, "roll": 360.0}
@@ -209,8 +209,7 @@ def test_in_a_simulated_flight_nothing_disagrees_but_what_is_planted(name: str) 
         "turn_rate_norm": "turn_rate_norm", "hi_heading_deg": "hi_heading_deg", "ai_roll_deg": "ai_roll_deg",
         "mag_compass_deg": "mag_compass_deg",
     }  # fmt: skip
-    with (COCKPIT / f"{name}_truth.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(COCKPIT / f"{name}_truth.csv")
     time_s = np.array([float(row["time_s"]) for row in rows])
     values = {ours: np.array([float(row[theirs]) for row in rows]) for ours, theirs in columns.items()}
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
@@ -21,6 +20,7 @@ from decoder.timeseries.health import doubted, gauge_health
 from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
 from tests.decoder.cockpit import DOCUMENT, PANEL_ANGLES_DEG, angles_of, draw, reader_of
+from tests.programs import write_yaml
 
 FRAMES = 12
 
@@ -34,7 +34,7 @@ def decoded(folder: Path, shown: int) -> FlightData:
             del hands["speed_kt"]
         pictures.append(folder / f"{seed:02}.jpg")
         cv2.imwrite(str(pictures[-1]), draw(hands, noise=2.0, seed=seed), [cv2.IMWRITE_JPEG_QUALITY, 95])
-    (folder / "panel.yaml").write_text(yaml.safe_dump(DOCUMENT), encoding="utf-8")
+    write_yaml(folder / "panel.yaml", DOCUMENT)
     cv2.imwrite(str(folder / "panel.png"), draw(PANEL_ANGLES_DEG))
     record_flight(pictures, folder / "panel.yaml", folder / "flight.mcap")
     return decode_flight(open_flight([folder / "flight.mcap"]), reader_of(), lambda frames: frames)

@@ -12,9 +12,7 @@ from typing import Any
 
 import cv2
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from decoder.outputs.outputs import planned_files
 from decoder.panel.errors import DecoderError
@@ -22,23 +20,15 @@ from decoder.parallel.decoding import decoded_flight
 from fixtures.recordings import record_flight
 from flight_file.reader import open_flight
 from tests.decoder.cockpit import DOCUMENT, draw
-from tests.programs import spoilt
+from tests.hostile import Change, changes, spoilt
+from tests.programs import write_yaml
 
 EXAMPLES = 30
 LONGEST_SENTENCE = 500
 FORMATS = ("csv", "mcap", "layout", "html")
 Content = Any
 
-SPECIAL: list[Any] = [
-    None, True, False, 0, 1, 2, -1, 0.5, 16, 359.999, 360, 361, -360, 1e5, -1e5, 1e12, 1e-12, 1e-300, 5e-324, 1e308,
-    -1e308, float("nan"), float("inf"), 10**400, "", "nan", "9" * 5000, "1e999", "x" * 5000, "a\nb", "a\0b", "\ud800",
-    "=cmd()", "<b>", "../x", "/dev/zero", "fifo", "below", "panel.yaml", date(2018, 5, 4), b"\xff", [], {}, [[]],
-    [1], [1, 2], [1, 2, 3], [0, 0], [5, 5], [1e5, 1e5], [[0, 0], [0, 0]], [[0, 0], [1, 1], [2, 2]], [[10, 10]] * 5,
-    [[0, 0], [1e-9, 1e-9]], {"a": 1}, {1: 2}, {"x" * 5000: 1}, {"\x1b": {}},
-]  # fmt: skip
-values = st.sampled_from(SPECIAL) | st.floats() | st.integers(-1000, 1000) | st.lists(st.floats(-500, 500), max_size=4)
-Change = tuple[int, Any]
-changes = st.lists(st.tuples(st.integers(0, 10_000), values), min_size=1, max_size=2)
+changes_of_yaml = changes("/dev/zero", "fifo", "below", date(2018, 5, 4), b"\xff", {1: 2})
 
 
 def _oblique(content: Content) -> None:
@@ -84,16 +74,16 @@ def decode(tmp_path: Path) -> Callable[[Content, Content | None], None]:
     for name in ("panel.png", "other.png"):
         cv2.imwrite(str(folder / name), draw(angles))
     os.mkfifo(folder / "fifo")
-    (folder / "panel.yaml").write_text(yaml.safe_dump(DOCUMENT), encoding="utf-8")
+    write_yaml(folder / "panel.yaml", DOCUMENT)
     pictures, flight = [tmp_path / f"{step}.jpg" for step in range(3)], tmp_path / "tiny.mcap"
     for step, picture in enumerate(pictures):
         cv2.imwrite(str(picture), draw({**angles, "speed_kt": 214.0 + 9 * step}))
     record_flight(pictures, folder / "panel.yaml", flight)
 
     def run(panel: Content, camera: Content | None = None) -> None:
-        (folder / "panel.yaml").write_text(yaml.safe_dump(panel), encoding="utf-8")
+        write_yaml(folder / "panel.yaml", panel)
         if camera is not None:
-            (folder / "camera.yaml").write_text(yaml.safe_dump(camera), encoding="utf-8")
+            write_yaml(folder / "camera.yaml", camera)
         done = decoded_flight(
             open_flight([flight]),
             folder / "panel.yaml",
@@ -127,7 +117,7 @@ def test_sound_panel_is_decoded(decode: Callable[..., None], document: Content, 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SOUND)
 @settings(max_examples=EXAMPLES, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(replaced=changes)
+@given(replaced=changes_of_yaml)
 def test_hostile_panel_gives_one_sentence(
     decode: Callable[..., None], document: Content, kind: str, replaced: list[Change]
 ) -> None:
@@ -142,7 +132,7 @@ def test_hostile_panel_gives_one_sentence(
 
 @pytest.mark.slow
 @settings(max_examples=EXAMPLES, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(replaced=changes)
+@given(replaced=changes_of_yaml)
 def test_hostile_camera_gives_one_sentence(
     decode: Callable[..., None], document: Content, replaced: list[Change]
 ) -> None:

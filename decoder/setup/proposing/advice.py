@@ -12,8 +12,8 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -23,45 +23,17 @@ from decoder.learning.thresholds import SETTLED_PX
 from decoder.panel.errors import PanelError
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, shortest
 from decoder.registration.thresholds import CLEAR_SCORE
-from decoder.setup.drawn_plane import XY, DrawnPlane
+from decoder.setup.drafts import RememberedPanel, Stale
+from decoder.setup.drawn_plane import XY, DrawnPlane, height_inches
+from decoder.setup.proposals import AROUND_DEG, Dial, needle_at
+from decoder.setup.requests import TrialQuestion
+from decoder.setup.session import SetupSession
 from decoder.setup.thresholds import MAX_MOVE_PX
+from decoder.setup.trial import Trial, tried
 from decoder.timeseries.thresholds import SMALLEST_PART
 
 GaugeDraft = dict[str, Any]
 """A gauge in the words of `panel.yaml`."""
-
-
-class TriedValue(Protocol):
-    """One value in one frame, as `decoder.setup.trial.NeedleTrial`."""
-
-    @property
-    def status(self) -> Status: ...  # noqa: D102 - said there
-    @property
-    def score(self) -> float: ...  # noqa: D102
-    @property
-    def is_together(self) -> bool: ...  # noqa: D102
-
-
-class TriedFrame(Protocol):
-    """One frame, as `decoder.setup.trial.FrameTrial`."""
-
-    @property
-    def readings(self) -> Sequence[TriedValue]: ...  # noqa: D102 - said there
-
-
-class Trial(Protocol):
-    """A gauge tried on the sample, as `decoder.setup.trial.Trial`."""
-
-    @property
-    def frames(self) -> Sequence[TriedFrame]: ...  # noqa: D102 - said there
-    @property
-    def moved_px(self) -> XY | None: ...  # noqa: D102
-    @property
-    def axes_deg(self) -> Mapping[str, float]: ...  # noqa: D102
-    @property
-    def are_points(self) -> bool: ...  # noqa: D102
-
-
 Try = Callable[[GaugeDraft], Trial]
 Axis = Callable[[GaugeDraft, float, XY], float]
 """Measures the axis of the needle of a gauge near an angle, in degrees, which turns around a place in the picture."""
@@ -179,6 +151,38 @@ class Sight:
     drawn: DrawnPlane
     is_oblique: bool
     height_inches: float | None
+
+
+def advice_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> dict[str, Any]:
+    """Offer ways to draw a gauge of a draft that fit the sample better, and say by how much."""
+    document, key, place = asked.document, asked.picture, asked.gauge
+    gauge, frames, planes = document["gauges"][place], session.frames(), session.planes(document, key)
+
+    def source_of(drawn: GaugeDraft) -> RememberedPanel:
+        gauges = [*document["gauges"][:place], drawn, *document["gauges"][place + 1 :]]
+        return session.panel_of_gauge({**document, "gauges": gauges}, key, place)
+
+    def sight(moved_px: XY | None) -> Sight:
+        drawn = planes.drawn(tuple(gauge["centre"]), gauge.get("rim"))
+        is_oblique = bool(gauge.get("rim")) or planes.inches is not None or drawn.lens is not None
+        return Sight(drawn, is_oblique, height_inches(source_of(gauge), moved_px))
+
+    def axis(drawn: GaugeDraft, near_deg: float, pivot: XY) -> float:
+        centre, (inner_px, outer_px) = tuple(drawn["centre"]), drawn["radius"]
+        plane = planes.drawn(centre, drawn.get("rim")).around(pivot).plane
+        sweep_deg = near_deg - AROUND_DEG, near_deg + AROUND_DEG
+        dial = Dial(centre, (inner_px, outer_px), sweep_deg, plane, planes.raised(drawn.get("needle_height_inches")))
+        return needle_at(session.seen(document, key, stale), dial, near_deg).at_deg
+
+    try:
+        offers = (
+            []
+            if gauge.get("window")
+            else advised(gauge, sight, lambda drawn: tried(source_of(drawn), frames, stale), axis)
+        )
+    except PanelError:  # the trial reports it
+        offers = []
+    return {"offers": [asdict(each) for each in offers]}
 
 
 def advised(gauge: Mapping[str, Any], sight: Callable[[XY | None], Sight], tries: Try, axis: Axis) -> list[Offer]:
