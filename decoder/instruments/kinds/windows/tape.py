@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,8 +43,9 @@ class TapeReader:
         """Read F frames of its window, (F, R, C) as they are sampled.
 
         While part of a tape is unknown, that part may look like a known one, so a match must be better; and if two
-        known parts look alike, an unknown one may look like them too, unless they are told apart. A place of which less
-        than most is known is not read: one or two numerals would decide. A tape to which no frame of the flight could
+        known parts look alike, an unknown one may look like them too, unless they are told apart. On a flat tape, whose
+        numerals often differ in one digit, they always have to be. A place of which less than most is known is not
+        read: one or two numerals would decide. A tape to which no frame of the flight could
         be added is not read.
         """
         picture, drawn = self._picture, self._drawn
@@ -56,8 +57,9 @@ class TapeReader:
         a_pixel = picture.step / ROW_PX
         is_read = picture.is_learned & found.is_there & (found.score >= self._least)
         is_read &= picture.is_whole | (self._finder.part_known(found.rows) >= 1.0 - HALF**2)
-        doubt = np.flatnonzero(is_read & ~(matches.is_clear & (picture.is_whole | (matches.rivals < SURE_SCORE))))
-        is_read[doubt] = self._finder.told_apart(windows, matches, doubt)
+        is_sure = picture.shape.is_round & matches.is_clear & (picture.is_whole | (matches.rivals < SURE_SCORE))
+        doubt = np.flatnonzero(is_read & ~is_sure)
+        is_read[doubt] = self._finder.told_apart(windows, matches, doubt, HALF**2)
         readings = []
         for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
             moved = picture.moved(float(found.rows[number]))
@@ -142,7 +144,7 @@ class _Grower:
 
     @property
     def pictures(self) -> Mapping[str, LearnedPicture]:
-        return {self.drawn.name: self.tape.picture}
+        return {self.drawn.name: replace(self.tape.picture, views=(), rows_of_views=())}
 
     def add(self, strips: Sequence[UnwrappedGauge]) -> Sequence[bool]:
         return self.tape.complete([self.drawn.along(strip) for strip in strips])

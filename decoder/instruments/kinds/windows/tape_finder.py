@@ -117,10 +117,11 @@ class TapeFinder:
             found.put(better, self.settled(strips[better], other.rows[is_better]))
         return Matches(found, rivals, others)
 
-    def told_apart(self, strips: Floats, matches: Matches, which: Indices) -> Mask:
+    def told_apart(self, strips: Floats, matches: Matches, which: Indices, most_left: float) -> Mask:
         """(len(which),): whether these of the windows (F, R, C) show their places, and none that matches next best.
 
-        If one of those matches better once it is fitted, it takes the other's place in `matches`.
+        If one of those matches better once it is fitted, it takes the other's place in `matches`. Where two places
+        differ, `most_left` is the part that may stay unexplained; another digit there leaves about half.
         """
         is_told = matches.rivals[which] < LIKELY_SCORE
         for place, number in zip(np.flatnonzero(~is_told).tolist(), which[~is_told].tolist(), strict=True):
@@ -129,16 +130,19 @@ class TapeFinder:
             first, *others = np.argsort(-fits.score, kind="stable").tolist()
             matches.found.put(np.array([number]), fits.part(np.array([first])))
             is_told[place] = all(
-                self._is_told_apart(strips[number], fits, first, other) for other in others if fits.is_there[other]
+                self._is_told_apart(strips[number], fits, (first, other), most_left)
+                for other in others
+                if fits.is_there[other]
             )
         return is_told
 
-    def _is_told_apart(self, strip: Floats, fits: Laid, best: int, other: int) -> bool:
+    def _is_told_apart(self, strip: Floats, fits: Laid, pair: tuple[int, int], most_left: float) -> bool:
         """Whether a window shows what is at the best place of the tape, rather than what is at another or at neither.
 
         Places often differ in a digit only, while all that they share, such as ticks, matches well. Where they differ,
         a window that shows neither is half way between them, and its digit is as unlike the one as the other.
         """
+        best, other = pair
         shown = fits.gains * self._at(self._picture.levels, fits.rows) + fits.lights
         own, its = ((self._at(self._known, fits.rows) > 1 - STILL_ROWS) * self._picture.weights)[[best, other]]
         unlike, both = shown[best] - shown[other], np.minimum(own, its)
@@ -153,7 +157,7 @@ class TapeFinder:
         tells = apart > max(NOISE_LEVELS**2, HALF**3 * float(apart.max()))
         left = _around(own * (strip - shown[best]) ** 2)
         part_left = float(np.quantile(left[tells] / apart[tells], MOST)) if tells.any() else 1.0
-        return part_left < HALF
+        return part_left < most_left
 
     @cached_property
     def _search(self) -> _PlaceSearch:

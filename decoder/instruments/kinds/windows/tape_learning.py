@@ -124,7 +124,7 @@ class TapeMosaic:
             left, other = 1.0 - found.score**2, 1.0 - matches.rivals**2
             fits &= (matches.rivals < SURE_SCORE) & (left < MUCH_BETTER * other)
         else:
-            fits[fits] = finder.told_apart(strips, matches, np.flatnonzero(fits))
+            fits[fits] = finder.told_apart(strips, matches, np.flatnonzero(fits), HALF**3)
         return found, np.asarray(fits, bool)
 
     def _add(self, windows: Sequence[Floats], found: Laid, fits: Mask) -> Mask:
