@@ -129,13 +129,15 @@ def assert_read(draw: Callable[[float, int], Floats], cut: tuple[float, float], 
     assert np.abs(off_px).max() < 1.0
 
 
-def filled(at_y: float, seed: int = 0) -> Floats:
-    """A printed card on which a bar rises from below to a height."""
+def filled(at_y: float, seed: int = 0, *, arm: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """A printed card on which a bar rises from below to a height; an arm may lie over it, from a height so far down."""
 
     def levels(x: Floats, y: Floats) -> Floats:
         card = 200.0 - 90.0 * (np.sin(y / 3.0) > 0.9) * (x < 40.0)
         part = 1.0 / (1.0 + np.exp((at_y - y) / 0.5))
-        return part * 60.0 + (1.0 - part) * card
+        scale = part * 60.0 + (1.0 - part) * card
+        covered = bar(y - arm[0] - arm[1] / 2, arm[1] / 2, 0.8) if arm[1] else np.zeros_like(y)
+        return covered * 120.0 + (1.0 - covered) * scale
 
     return seen(GRID, levels, seed)
 
@@ -159,6 +161,24 @@ def test_a_bar_drawn_beside_its_end_is_doubted_by_as_much(missed_px: float) -> N
     (found,) = read(picture, filled(64.0, 99))
 
     assert found.sigma_deg == pytest.approx(math.hypot(0.7 * missed_px, 0.5), abs=0.25)
+
+
+@pytest.mark.parametrize(("top", "high"), [(25.0, 30.0), (25.0, 60.0), (25.0, 90.0), (40.0, 30.0), (40.0, 60.0)])
+def test_the_edge_of_what_lies_over_a_bar_is_not_its_end(top: float, high: float) -> None:
+    """An arm over its scale, darker than the card and brighter than the bar, ends as a bar does."""
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": 80.0, "span": 24.0, "marks": MARKS}
+    )
+    slide = Slide.of(gauge, grid)
+    taught = [filled(at_y, seed + 1) for seed, at_y in enumerate(np.linspace(36.0, 118.0, 16).tolist())]
+    reader = SlideReader(slide, learn_linear(slide, taught, first_linear(slide, filled(80.0))))
+    (quantity,) = gauge.quantities
+    at_px, values = np.array(quantity.marks).T
+    for at_y in (50.0, 80.0, 100.0):
+        (found,) = reader.read(filled(at_y, 50, arm=(top, high))[None], np.zeros(1))
+        off_px = found["flap_deg"].angle_deg - np.interp(value(at_y), values, at_px)
+
+        assert found["flap_deg"].status is Status.MISSING or abs(off_px) < 1.0
 
 
 def column(at_y: float, seed: int = 0) -> Floats:

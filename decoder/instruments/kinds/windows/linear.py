@@ -12,9 +12,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from decoder.imaging.sorting import median_of
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
@@ -49,6 +51,9 @@ class LinearPicture:
     ----------
     drawn, face
         (R, C): the window in the panel picture, and the scale without its pointer.
+    before, behind
+        (R, C): the scale before its pointer and behind it, which differ if that ends a bar; NaN in rows that no picture
+        shows there.
     given, pointer
         Its pointer in the panel picture, and as learned from the flight.
     at_row
@@ -57,6 +62,8 @@ class LinearPicture:
 
     drawn: UnwrappedGauge
     face: UnwrappedGauge
+    before: UnwrappedGauge
+    behind: UnwrappedGauge
     given: NeedleTemplate
     pointer: NeedleTemplate
     at_row: float
@@ -106,6 +113,7 @@ class SlideReader:
 
     def __init__(self, slide: Slide, picture: LinearPicture) -> None:
         self._slide, self._pointer, self._face = slide, picture.pointer, picture.face
+        self._before, self._behind = picture.before, picture.behind
         self._name = slide.own.name
         self._hand_px = math.hypot(MARK_PX, MIDDLE_PART * _beside_rows(picture.pointer) * slide.row_px)
         self._axis = (picture.pointer.rows - 1) // 2
@@ -122,10 +130,13 @@ class SlideReader:
 
     def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
         """Read F frames of its window, (F, R, C) as they are sampled."""
-        found, is_alone = self.found(self._slide.along(strips))
+        along = self._slide.along(strips)
+        found, is_alone = self.found(along)
         rows = np.nan_to_num(found.row)
         places_px, sigmas_px = self._slide.px_of(rows), found.sigma_rows * self._slide.row_px
         is_read = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
+        for number in np.flatnonzero(is_read).tolist():
+            is_read[number] = self._is_rest_as_known(along[number], rows[number], found.gain[number])
         return [
             {
                 self._name: Reading(
@@ -165,6 +176,22 @@ class SlideReader:
             is_alone[doubt] &= left > CLEARLY_WORSE * (1.0 - np.nan_to_num(found.score[doubt]) ** 2)
         return found, is_alone
 
+    def _is_rest_as_known(self, window: Floats, row: float, gain: float) -> bool:
+        """Whether a window (R, C) shows the scale, and the bar, where the pointer is not.
+
+        What differs from them within as much of the scale as a pointer takes, and is half as strong, may be the pointer
+        itself, or something that lies over it: what was found may be its edge.
+        """
+        height = self._pointer.rows
+        top = round(row) - self._axis
+        known = np.where(np.arange(len(window))[:, None] < row, self._before, self._behind)
+        known[max(top - self._axis, 0) : top + height + self._axis] = np.nan
+        # Light may differ from place to place, but not from row to row.
+        spread = _spread_around(window - gain * known, height)
+        own = self._pointer.light + (self._pointer.transparency - 1.0) * self._face[top : top + height]
+        least = HALF * gain**2 * float(own.var()) + NOISE_LEVELS**2
+        return not bool((spread > least).any())
+
     def _scores(self, window: Floats) -> Floats:
         """(1, N): the partial NCC with the pointer starting at each row of the window."""
         scores, _ = partial_normxcorr(window[None], self._face[None], self._pointer, moments=self._moments)
@@ -189,6 +216,18 @@ class SlideReader:
         return settle(fit, places + self._axis, (self._axis, along.shape[1] - self._axis - 1), MAX_PEAK_ROWS)
 
 
+def _spread_around(levels: Floats, height: int) -> Floats:
+    """(R,): the variance of levels (R, C) within so many rows around each; 0 where half of those rows are unknown."""
+    is_known = np.isfinite(levels)
+    sums = [
+        cv2.blur(np.where(is_known, each, 0.0), (1, height), borderType=cv2.BORDER_CONSTANT).mean(axis=1)
+        for each in (np.ones_like(levels), levels, np.square(levels))
+    ]
+    part = np.maximum(sums[0], HALF)
+    spread = sums[2] / part - np.square(sums[1] / part)
+    return np.where(sums[0] >= HALF, spread, 0.0)
+
+
 def _lights(height: int, width: int) -> Floats:
     row, column = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
     return np.stack([(row**i * column**j).ravel() for i, j in LIGHT_POWERS]).astype(np.float32)
@@ -202,7 +241,23 @@ def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
     layer = first_layer(cut, median_of(strip), 1.0)
     face = bare_face(strip, _covered(strip.shape, layer, at_row))
     pointer = cut_over(layer, _behind(face, at_row, rows))
-    return LinearPicture(strip, face, pointer, pointer, at_row)
+    return LinearPicture(strip, face, *_sides(pointer, [strip], [at_row]), pointer, pointer, at_row)
+
+
+def _sides(pointer: NeedleTemplate, seen: Sequence[Floats], rows: Sequence[float]) -> tuple[Floats, Floats]:
+    """(R, C) twice: the scale before its pointer, and behind it, as views with the pointer on these rows show it."""
+    views, every = np.stack(seen).astype(np.float32), np.arange(len(seen[0]))
+    off_rows, reach = every - np.array(rows)[:, None], (pointer.rows - 1) / 2
+    before, behind = (
+        np.stack(
+            [
+                median_of(views[its, row]) if its.any() else np.full(views.shape[2], np.nan)
+                for row, its in enumerate(shown.T)
+            ]
+        )
+        for shown in (off_rows < -reach, off_rows > reach)
+    )
+    return before, behind
 
 
 def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float) -> Mask:
@@ -266,7 +321,9 @@ def _learned(known: LinearPicture, seen: Sequence[Floats], rows: Floats) -> Line
     """Learn scale and pointer from views (R, C) and the rows at which it was found in them."""
     covered = [_covered(known.face.shape, known.pointer, row) for row in rows.tolist()]
     learned = replace(known, face=learn_face(seen, [np.flatnonzero(each) for each in covered], known.face))
-    return replace(learned, pointer=_pointer(learned, seen, rows))
+    pointer = _pointer(learned, seen, rows)
+    before, behind = _sides(pointer, [*seen, known.drawn], [*rows.tolist(), known.at_row])
+    return replace(learned, pointer=pointer, before=before, behind=behind)
 
 
 def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
