@@ -186,10 +186,10 @@ class SlideReader:
         top = round(row) - self._axis
         known = np.where(np.arange(len(window))[:, None] < row, self._before, self._behind)
         known[max(top - self._axis, 0) : top + height + self._axis] = np.nan
-        # Light may differ from place to place, but not from row to row.
+        # Light may differ from place to place, and a pointer across this one cross it, but not from row to row.
         spread = _spread_around(window - gain * known, height)
         own = self._pointer.light + (self._pointer.transparency - 1.0) * self._face[top : top + height]
-        least = HALF * gain**2 * float(own.var()) + NOISE_LEVELS**2
+        least = HALF * gain**2 * float(own.var(axis=0).mean()) + NOISE_LEVELS**2
         return not bool((spread > least).any())
 
     def _scores(self, window: Floats) -> Floats:
@@ -217,15 +217,14 @@ class SlideReader:
 
 
 def _spread_around(levels: Floats, height: int) -> Floats:
-    """(R,): the variance of levels (R, C) within so many rows around each; 0 where half of those rows are unknown."""
+    """(R,): the mean variance along columns of levels (R, C) within so many rows; 0 where half of those are unknown."""
     is_known = np.isfinite(levels)
-    sums = [
-        cv2.blur(np.where(is_known, each, 0.0), (1, height), borderType=cv2.BORDER_CONSTANT).mean(axis=1)
+    part, mean, square = (
+        cv2.blur(np.where(is_known, each, 0.0), (1, height), borderType=cv2.BORDER_CONSTANT)
         for each in (np.ones_like(levels), levels, np.square(levels))
-    ]
-    part = np.maximum(sums[0], HALF)
-    spread = sums[2] / part - np.square(sums[1] / part)
-    return np.where(sums[0] >= HALF, spread, 0.0)
+    )
+    spread = square / np.maximum(part, HALF) - np.square(mean / np.maximum(part, HALF))
+    return np.asarray(np.where(part >= HALF, spread, 0.0).mean(axis=1), np.float32)
 
 
 def _lights(height: int, width: int) -> Floats:
