@@ -183,7 +183,8 @@ class SlideReader:
         itself, or something that lies over it: what was found may be its edge.
         """
         height = self._pointer.rows
-        top = round(row) - self._axis
+        # At a window's end, a pointer may lie up to most of a row beyond where it fits in.
+        top = int(np.clip(round(row) - self._axis, 0, len(window) - height))
         known = np.where(np.arange(len(window))[:, None] < row, self._before, self._behind)
         known[max(top - self._axis, 0) : top + height + self._axis] = np.nan
         # Light may differ from place to place, and a pointer across this one cross it, but not from row to row.

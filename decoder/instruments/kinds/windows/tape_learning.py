@@ -47,10 +47,9 @@ def learn_tape(strips: Sequence[Floats], given: TapePicture, marks: DrawnMarks) 
     """Learn the tape as far as frames (along, across) show it; return it as given if they do not suffice."""
     if not strips:
         return given
-    drawn = softened(given.drawn)
-    lit = [_in_light_of(drawn, softened(strip)) for strip in strips]
+    lit = _lit(given, strips)
     mosaic = TapeMosaic(replace(given, free=1.0 - _still(lit)), marks)
-    mosaic.learn(strips)
+    mosaic.learn(lit)
     return mosaic.picture
 
 
@@ -59,8 +58,7 @@ class TapeMosaic:
 
     def __init__(self, given: TapePicture, marks: DrawnMarks) -> None:
         self._marks, self._picture = marks, given
-        self._drawn = softened(given.drawn)
-        self._windows = [self._drawn, *given.views]
+        self._windows = [softened(given.drawn), *given.views]
         self._where = Laid.at([given.origin, *given.rows_of_views], given.weights.shape)
         self._others: list[Floats] = []
         self._is_known = np.empty(0, bool)
@@ -82,9 +80,9 @@ class TapeMosaic:
             rows_of_views=tuple(rows),
         )
 
-    def learn(self, windows: Sequence[Floats]) -> None:
-        """Add those of a sample's windows that overlap what is known, the best first."""
-        left = self._lit(windows)
+    def learn(self, lit: Sequence[Floats]) -> None:
+        """Add those of a sample's windows, from `_lit`, that overlap what is known, the best first."""
+        left = list(lit)
         while left:
             found, fits = self._matches(left)
             if not fits.any():
@@ -93,12 +91,9 @@ class TapeMosaic:
             left = [window for window, is_added in zip(left, added.tolist(), strict=True) if not is_added]
 
     def complete(self, windows: Sequence[Floats]) -> list[bool]:
-        """Add what further windows show beyond what is known; return for all of them so far whether it is known now.
-
-        They are many, so a match must be clearly better than any other.
-        """
+        """Add what further windows show beyond what is known; return for all of them so far whether it is known now."""
         wanted = np.arange(len(self._others), len(self._others) + len(windows))
-        self._others += self._lit(windows)
+        self._others += _lit(self._picture, windows)
         self._is_known = np.concatenate([self._is_known, np.zeros(len(windows), bool)])
         while wanted.size:
             found, fits = self._matches([self._others[each] for each in wanted.tolist()])
@@ -110,9 +105,6 @@ class TapeMosaic:
             wanted = np.flatnonzero(~self._is_known)  # more of them may match now
         told: list[bool] = self._is_known.tolist()
         return told
-
-    def _lit(self, windows: Sequence[Floats]) -> list[Floats]:
-        return [_in_light_of(self._drawn, softened(window)) for window in windows]
 
     def _matches(self, windows: Sequence[Floats]) -> tuple[Laid, Mask]:
         """Find windows in the tape as far as it is known, and tell which match well there and nowhere else."""
@@ -198,6 +190,12 @@ class TapeMosaic:
             shared[:, at] += facing * own
         shared /= np.maximum(total, 1e-9)
         return finder.told(self._strips, where, changes - shared[:, rows].swapaxes(0, 1).astype(np.float32))
+
+
+def _lit(picture: TapePicture, windows: Sequence[Floats]) -> list[Floats]:
+    """Soften windows (along, across), and bring them into the panel picture's light."""
+    drawn = softened(picture.drawn)
+    return [_in_light_of(drawn, softened(window)) for window in windows]
 
 
 def _in_light_of(reference: Floats, window: Floats) -> Floats:
