@@ -403,7 +403,7 @@ class Flight:
                 yield found[1]
 
     def sample_frame(self, rank: int) -> Frame | None:
-        """Return the frame of this rank, or, of a video, the key frame of its group; None if it is damaged.
+        """Return the frame of this rank; None if it is damaged. A video's has to be decoded from its key frame on.
 
         Raises
         ------
@@ -411,7 +411,8 @@ class Flight:
             If the disk fails or a file vanishes meanwhile.
         """
         if self._is_video:
-            return next(self._sampled([rank]), None)
+            first, group = self._group_of(rank)
+            return group[rank - first] if group else None
         return next((found[1] for _, found in self._picked({rank}) if not isinstance(found, Loss)), None)
 
     def _sampled(self, ranks: Sequence[int]) -> Iterator[Frame]:

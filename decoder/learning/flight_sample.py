@@ -79,7 +79,7 @@ class FlightSample:
         return sorted(spread(self._flight.count(), SAMPLE_FRAMES))
 
     def at(self, rank: int) -> Taken | None:
-        """Return the frame of this rank, or one before it; None if it cannot be opened, or was returned before."""
+        """Return the frame of this rank; None if it cannot be opened, or was returned before."""
         frame = self._flight.sample_frame(rank)
         if frame is None or frame.sequence in self._looked_at:
             return None
