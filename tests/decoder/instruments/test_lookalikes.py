@@ -353,6 +353,32 @@ def test_needles_that_differ_in_length_alone_are_not_exchanged(middle_deg: float
     assert middle_deg != 330.0 or len(off_deg) > 20
 
 
+def test_two_needles_alike_are_never_exchanged_where_their_pictures_end_within_the_hub() -> None:
+    """Which of them is which cannot be told, however well the one drawn beside its axis fits where it was found."""
+    form = Hand(tip=64.0, root_half=4.5, tip_half=0.5)
+
+    def draw(angles_deg: Sequence[float], seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(120, 421, 30))
+            for angle_deg in angles_deg:
+                canvas.hand(form, angle_deg)
+
+        return paint(what, seed=seed)
+
+    drawn_deg, rng = (170.0, 330.0), np.random.default_rng(6)
+    needles = [
+        {"name": "one", "template": {"at": drawn_deg[0] + 1.0, "span": 16}, "covered_by": "other"},
+        {"name": "other", "template": {"at": drawn_deg[1], "span": 16}},
+    ]
+    gauge = {"name": "n1", "radius": [9, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]], "needles": needles}
+    frames = [draw(each, 100 + number) for number, each in enumerate(rng.uniform(125.0, 415.0, (16, 2)).tolist())]
+    reader = reader_for([gauge], draw(drawn_deg, 1), frames)
+    for number, angles_deg in enumerate(rng.uniform(125.0, 415.0, (24, 2)).tolist()):
+        readings = read_picture(reader, draw(angles_deg, 200 + number)).readings
+        for name, angle_deg in zip(("one", "other"), angles_deg, strict=True):
+            assert readings[name].status is not Status.READ or apart(readings[name].angle_deg, angle_deg) < 3.0
+
+
 def test_needles_that_differ_are_read_beside_a_third_that_is_not_there() -> None:
     """Nor does a bright bar on the dial make them doubtful: neither is taken for the third."""
 

@@ -159,9 +159,8 @@ class StackReader:
         }
         for index in sorted(both, key=self._order.index):  # each matches slightly off where the other does
             exchanged[index] = self._placed(seen, index, exchanged, near=exchanged[index].row)
-        near = np.zeros(seen.shape[:2], bool)
-        for index in both:
-            near |= np.abs(np.arange(seen.shape[1]) - np.rint(as_found[index].row)[:, None]) <= self._axes[index]
+        here, there = (self._drawn_by_both(seen, as_found, own, exchanged, its) for own, its in (both, both[::-1]))
+        near = here | there
         left, left_exchanged = (self._left_on(seen, near, places) for places in (as_found, exchanged))
         worse = CLEARLY_WORSE**2  # for each of them
         may_be = np.all([exchanged[index].is_likely for index in both], axis=0)
@@ -196,7 +195,7 @@ class StackReader:
             as_found[other] = replace(as_found[other], row=row, score=absent)
             instead = {**as_found, own: replace(as_found[own], score=absent)}
             instead[other] = self._placed(seen, other, instead, near=row)
-            near = np.abs(np.arange(seen.shape[1]) - np.rint(row)[:, None]) <= self._axes[own]
+            near = self._drawn_by_both(seen, as_found, own, instead, other)
             left, left_instead = (self._left_on(seen, near, each) for each in (as_found, instead))
             worse = np.where(np.isin(before[lone, other], (MISSING,)), CLEARLY_WORSE**2, CLEARLY_WORSE**-2)
             doubtful = instead[other].is_likely & (left_instead <= worse * left)
@@ -206,6 +205,21 @@ class StackReader:
                 adds = self._drawn(seen, [other], alone) - self._face
                 doubtful |= self._comparison.times_left(seen, drawn, adds) >= HALF
             found.status[lone[doubtful][:, None], both] = MISSING
+
+    def _drawn_by_both(
+        self, strips: Floats, places: dict[int, _Places], own: int, others: dict[int, _Places], its: int
+    ) -> Mask:
+        """(F, R): the rows that one needle's template covers as placed, and another one's in its place.
+
+        A template may end where its needle goes on, at its hub: where only one ends, only that one seems to fit badly.
+        """
+        every = np.arange(strips.shape[1])
+        one, other = (
+            np.abs(every - placed[index].row[:, None]) <= self._axes[index]
+            for placed, index in ((places, own), (others, its))
+        )
+        both: Mask = one & other
+        return both
 
     def _left_on(self, strips: Floats, rows: Mask, places: dict[int, _Places]) -> Floats:
         """(F,): the part of the variance on some rows (F, R) of the dial that the needles leave unexplained."""
