@@ -23,7 +23,7 @@ from decoder.panel.panel import parse_panel
 from decoder.panel.vocabulary import Method
 from fixtures.borrowed import odometer
 from tests.decoder.instruments.displays import sampled
-from tests.decoder.instruments.printed_rows import DrawnRow, Font, dotted, grotesque, plotted, texts_of
+from tests.decoder.instruments.printed_rows import PAD_PX, DrawnRow, Font, dotted, grotesque, plotted, texts_of
 
 ALL_DIGITS = (1234, 5678, 9012, 3490)
 CLIMB = tuple(np.round(np.arange(2988.1, 3012.0, 0.37), 2).tolist())
@@ -163,6 +163,27 @@ def test_what_covers_a_digit_is_no_other_digit() -> None:
     assert wrong(values, [3258.0] * len(values)) == []
     assert None not in values[-3:-1]
     assert values[-1] is None
+
+
+def test_a_last_drum_in_opposite_colours_between_dark_lines_has_the_digits_of_the_others() -> None:
+    """Its ground is bright on both sides, but not where it ends: what it has not shown is known from the others."""
+    drawn = DrawnRow(height=40.0, pitch=52.0, slot=56.0, off_px=0.1)
+    grid, first = drawn.grid(), PAD_PX + (drawn.drums - 1) * drawn.width
+
+    def seen(count: float) -> Floats:
+        picture = drawn.picture(count)
+        picture[:, first : first + drawn.width] = (
+            2 * drawn.ground + drawn.light - picture[:, first : first + drawn.width]
+        )
+        picture[:, [first, first + drawn.width - 1]] = drawn.ground
+        return sampled(grid, picture)
+
+    taught = (1234, 5671, 9802, 3460)
+    own = described(texts_of(taught, drawn.drums), rolls="up", pitch=drawn.pitch)
+    reader = PrintedReader(own, print_of(own, grid, [seen(count) for count in taught]), grid.cell_px[1])
+    counts = (9876.0, 1238.0, 4059.5, 6235.0)
+
+    assert told(read(reader, [seen(count) for count in counts])) == pytest.approx(counts, abs=0.1)
 
 
 def test_other_frames_change_nothing() -> None:

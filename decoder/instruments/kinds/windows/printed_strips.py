@@ -35,6 +35,8 @@ GROUND, INK = 0.1, 0.98
 STEEP = 0.98
 # Anything finer than a stroke, as a part of the window's height, is noise.
 STROKE_PART = 1 / 7
+# How wide the line between two drums may be in a cell, as a part of its width.
+LINE_PART = 1 / 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,9 +252,10 @@ class Compared:
 def first_print(cells: Cells, windows: Floats, places: Floats, pitch_rows: float | None) -> Print:
     """Build the print from pictures (F, R, C) whose drums stand at places (F, D)."""
     own = cells.of(windows)
-    # A digit has ground on either side.
-    beside = (own[..., 0].mean(axis=2) + own[..., -1].mean(axis=2)) / 2
-    is_dark = (own.mean(axis=(2, 3)) - beside).sum(axis=0) < 0
+    # A digit has ground on either side, within the line that may be seen where a drum ends.
+    columns, line = own.mean(axis=2), int(LINE_PART * own.shape[3])
+    beside = (columns[..., line] + columns[..., -1 - line]) / 2
+    is_dark = (columns.mean(axis=2) - beside).sum(axis=0) < 0
     light = np.where(is_dark, -1.0, 1.0)[:, None, None].astype(np.float32)
     ground, other = (light * np.quantile(light * own, part, axis=(2, 3))[..., None, None] for part in (GROUND, INK))
     contrast = np.where(np.abs(other - ground) > MIN_SPREAD_LEVELS, other - ground, np.inf)
