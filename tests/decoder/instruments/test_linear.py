@@ -148,6 +148,32 @@ def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: flo
     assert_read(filled, (drawn_y, 24.0), np.linspace(36.0, 118.0, 16), np.linspace(38.0, 116.0, 27))
 
 
+def graded(at_y: float, seed: int = 0) -> Floats:
+    """A bar that rises from below in a slot which is ever brighter further down, nearly as bright as the bar there."""
+
+    def levels(_: Floats, y: Floats) -> Floats:
+        part = 1.0 / (1.0 + np.exp((at_y - y) / 0.5))
+        return part * 122.0 + (1.0 - part) * (40.0 + 0.6 * (y - 20.0))
+
+    return seen(GRID, levels, seed)
+
+
+@pytest.mark.parametrize("drawn_y", [60.0, 85.0, 110.0])
+def test_the_end_of_a_bar_over_an_uneven_scale_is_as_sure_as_over_an_even_one(drawn_y: float) -> None:
+    """Also if the bar fills most of its scale where it is drawn; the part that it always covers is not known."""
+    heights = np.linspace(32.0, 112.0, 16)
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": drawn_y, "span": 20.0, "marks": MARKS}
+    )
+    slide = Slide.of(gauge, grid)
+    strips = [graded(at_y, seed + 1) for seed, at_y in enumerate(heights.tolist())]
+    picture = learn_linear(slide, strips, first_linear(slide, graded(drawn_y)))
+    found = read(picture, *(graded(at_y, 50) for at_y in (36.0, 60.0, 84.0)))
+
+    assert {one.status for one in found} == {Status.READ}
+    assert max(one.sigma_deg for one in found) < 1.0
+
+
 @pytest.mark.parametrize("missed_px", [0.0, 3.0])
 def test_a_bar_drawn_beside_its_end_is_doubted_by_as_much(missed_px: float) -> None:
     """The flight shows where the bar ends, and so what the hand missed it by."""

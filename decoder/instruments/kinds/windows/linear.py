@@ -68,6 +68,11 @@ class LinearPicture:
     pointer: NeedleTemplate
     at_row: float
 
+    @property
+    def bar(self) -> tuple[bool, bool]:
+        """Whether its pointer is the end of a bar that goes on before it, or behind it, as the panel picture shows."""
+        return _bar_sides(self.given)
+
 
 @dataclass(frozen=True, slots=True)
 class Slide:
@@ -115,7 +120,7 @@ class SlideReader:
         self._slide, self._pointer, self._face = slide, picture.pointer, picture.face
         self._before, self._behind = picture.before, picture.behind
         self._name = slide.own.name
-        self._hand_px = math.hypot(MARK_PX, MIDDLE_PART * _beside_rows(picture.pointer) * slide.row_px)
+        self._hand_px = math.hypot(MARK_PX, MIDDLE_PART * _beside_rows(picture) * slide.row_px)
         self._axis = (picture.pointer.rows - 1) // 2
         height, columns = picture.pointer.pixels.shape
         pixels = [min(1.0, slide.grid.cell_px[0] * slide.grid.cell_px[1])]
@@ -237,11 +242,23 @@ def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
     """Build it from the panel picture's window, as it is sampled."""
     strip = slide.along(drawn)
     at_row, rows = slide.row_of(slide.own.at_px(slide.grid.corners)), odd_rows(slide.own.span / slide.row_px, 1.0)
+    return _first(strip, at_row, rows, median_of(strip))
+
+
+def _first(strip: Floats, at_row: float, rows: int, plain: Floats) -> LinearPicture:
+    """Build it from one window along the scale, (R, C), with its pointer on a row; the scale is (C,) beside it."""
     cut = rows_at(strip, at_row + np.arange(rows) - (rows - 1) / 2).astype(np.float32)
-    layer = first_layer(cut, median_of(strip), 1.0)
-    face = bare_face(strip, _covered(strip.shape, layer, at_row))
+    layer = first_layer(cut, plain, 1.0)
+    face = bare_face(strip, _covered(strip.shape, layer, at_row, _bar_sides(layer)))
     pointer = cut_over(layer, _behind(face, at_row, rows))
     return LinearPicture(strip, face, *_sides(pointer, [strip], [at_row]), pointer, pointer, at_row)
+
+
+def _the_other_way(given: LinearPicture) -> list[LinearPicture]:
+    """Take what was thought to be the bar in the panel picture for the scale, and the scale for the bar."""
+    bar = given.before if given.bar[0] else given.behind if given.bar[1] else given.drawn[:0]
+    known = np.isfinite(bar).all(axis=1)
+    return [_first(given.drawn, given.at_row, given.given.rows, median_of(bar[known]))] if known.any() else []
 
 
 def _sides(pointer: NeedleTemplate, seen: Sequence[Floats], rows: Sequence[float]) -> tuple[Floats, Floats]:
@@ -260,11 +277,11 @@ def _sides(pointer: NeedleTemplate, seen: Sequence[Floats], rows: Sequence[float
     return before, behind
 
 
-def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float) -> Mask:
+def _covered(shape: tuple[int, int], pointer: NeedleTemplate, row: float, bar: tuple[bool, bool]) -> Mask:
     """(R, C): what a pointer covers with its axis on a row: its place, and the whole of its bar, if it has one."""
     covered = np.zeros(shape, bool)
     covered.reshape(-1)[needle_pixels(shape, pointer.touched, row)] = True
-    before, behind = _bar_sides(pointer)
+    before, behind = bar
     reach = (pointer.rows - 1) / 2
     covered[: max(math.floor(row - reach), 0)] |= before
     covered[min(math.ceil(row + reach) + 1, shape[0]) :] |= behind
@@ -278,9 +295,10 @@ def _bar_sides(pointer: NeedleTemplate) -> tuple[bool, bool]:
     return before and not behind, behind and not before
 
 
-def _beside_rows(pointer: NeedleTemplate) -> float:
+def _beside_rows(picture: LinearPicture) -> float:
     """Return how far a pointer's middle, or a bar's end, lies from its zero: all readings may be off by as much."""
-    if any(_bar_sides(pointer)):  # drawn at its end, it covers half of its picture
+    pointer = picture.pointer
+    if any(picture.bar):  # drawn at its end, it covers half of its picture
         return abs(float((1.0 - pointer.transparency.mean(axis=1)).sum()) - pointer.rows / 2)
     return abs(pointer.beside_deg)
 
@@ -293,21 +311,27 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
     """Learn scale and pointer from a sample's frames, unless the pointer is then found in fewer of them.
 
     That happens, for example, to a bar that is as bright as parts of its scale: there it looks like print, and its end
-    is no longer found once it is learned.
+    is no longer found once it is learned. Which side of its end is the bar is tried: only the scale may be uneven.
     """
     lit = in_light_of(given.drawn, (slide.along(strip) for strip in strips))
     views = [view for view in lit if view is not None]
     if len(views) < FRAMES_TO_LEARN:
         return given
-    known, is_sure = given, _sure(slide, given, views)[1]
-    learned = _bared(given, views)
+    tried = [_taught(slide, each, views) for each in (given, *_the_other_way(given))]
+    return max(tried, key=lambda one: one[1])[0]
+
+
+def _taught(slide: Slide, given: LinearPicture, views: Sequence[Floats]) -> tuple[LinearPicture, float]:
+    """Learn from views (R, C), and also return the sum of scores of those in which the pointer is found."""
+    known, (found, is_sure) = given, _sure(slide, given, views)
+    score, learned = float(found.score[is_sure].sum()), _bared(given, views)
     for _ in range(ROUNDS + 1):
         found, again = _sure(slide, learned, views)
         if again.sum() < max(is_sure.sum(), FRAMES_TO_LEARN):
-            return known
-        known, is_sure = learned, again
+            break
+        known, is_sure, score = learned, again, float(found.score[again].sum())
         learned = _learned(known, [view for view, own in zip(views, is_sure, strict=True) if own], found.row[is_sure])
-    return known
+    return known, score
 
 
 def _sure(slide: Slide, picture: LinearPicture, views: Sequence[Floats]) -> tuple[Settled, Mask]:
@@ -319,11 +343,15 @@ def _sure(slide: Slide, picture: LinearPicture, views: Sequence[Floats]) -> tupl
 
 def _learned(known: LinearPicture, seen: Sequence[Floats], rows: Floats) -> LinearPicture:
     """Learn scale and pointer from views (R, C) and the rows at which it was found in them."""
-    covered = [_covered(known.face.shape, known.pointer, row) for row in rows.tolist()]
-    learned = replace(known, face=learn_face(seen, [np.flatnonzero(each) for each in covered], known.face))
-    pointer = _pointer(learned, seen, rows)
-    before, behind = _sides(pointer, [*seen, known.drawn], [*rows.tolist(), known.at_row])
-    return replace(learned, pointer=pointer, before=before, behind=behind)
+    covered = [_covered(known.face.shape, known.pointer, row, known.bar) for row in rows.tolist()]
+    before, behind = _sides(known.pointer, [*seen, known.drawn], [*rows.tolist(), known.at_row])
+    fills_before, fills_behind = known.bar
+    bare = behind if fills_before else before if fills_behind else known.face
+    # A single view of what a bar nearly always covers says more than the rest of its column.
+    fallback = np.where(np.isfinite(bare), bare, known.face)
+    face = learn_face(seen, [np.flatnonzero(each) for each in covered], fallback)
+    learned = replace(known, face=face, before=before, behind=behind)
+    return replace(learned, pointer=_pointer(learned, seen, rows))
 
 
 def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
