@@ -170,7 +170,15 @@ class Instrument(Placed):
     def needles(self, appearance: Appearance) -> list[Needle]:
         """Return its needles with what is needed to search for them."""
         return [
-            Needle(needle.name, self.index, self.gauge, self.grid, self.face, appearance.templates[needle.name])
+            Needle(
+                needle.name,
+                self.index,
+                self.gauge,
+                self.grid,
+                self.face,
+                appearance.templates[needle.name],
+                needle.name in appearance.doubted,
+            )
             for needle in self.gauge.needles
         ]
 

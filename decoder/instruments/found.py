@@ -69,7 +69,10 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Needle:
-    """A needle to search for: its place in the panel, its dial without needles, and what it looks like."""
+    """A needle to search for: its place in the panel, its dial without needles, and what it looks like.
+
+    One that `is_doubted` was found in only a few of the sampled frames.
+    """
 
     name: str
     gauge_index: int
@@ -77,6 +80,7 @@ class Needle:
     grid: PolarGrid
     face: UnwrappedGauge
     template: NeedleTemplate
+    is_doubted: bool = False
 
     @property
     def axis(self) -> int:

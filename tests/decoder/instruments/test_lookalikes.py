@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -377,6 +378,34 @@ def test_two_needles_alike_are_never_exchanged_where_their_pictures_end_within_t
         readings = read_picture(reader, draw(angles_deg, 200 + number)).readings
         for name, angle_deg in zip(("one", "other"), angles_deg, strict=True):
             assert readings[name].status is not Status.READ or apart(readings[name].angle_deg, angle_deg) < 3.0
+
+
+@pytest.mark.parametrize("is_doubted", [False, True])
+def test_two_needles_alike_that_most_frames_do_not_tell_apart_are_never_told_apart(*, is_doubted: bool) -> None:
+    """Not even where one order fits clearly better: what differs may be a shadow, as one picture of each shows it."""
+
+    def draw(one_deg: float, other_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(0, 360, 30))
+            canvas.hand(Hand(level=150.0), other_deg)
+            canvas.hand(Hand(), one_deg)
+
+        return paint(what, seed=seed)
+
+    needles = [
+        {"name": "one", "template": {"at": 160.0, "span": 16}},
+        {"name": "other", "template": {"at": 330.0, "span": 16}, "covered_by": "one"},
+    ]
+    gauge = {"name": "n1", "radius": [20, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 30]], "needles": needles}
+    reader = reader_for([gauge], draw(160.0, 330.0, 1))
+    if is_doubted:
+        reader = reader.with_appearance(replace(reader.appearance, doubted=frozenset({"one", "other"})))
+    readings = [
+        read_picture(reader, draw(at, at + 100.0, seed)).readings for seed, at in enumerate((150.0, 200.0, 300.0))
+    ]
+    statuses = {own[name].status for own in readings for name in ("one", "other")}
+
+    assert statuses == {Status.MISSING if is_doubted else Status.READ}
 
 
 def test_needles_that_differ_are_read_beside_a_third_that_is_not_there() -> None:

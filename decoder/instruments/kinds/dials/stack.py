@@ -87,6 +87,8 @@ class StackReader:
         least = LIKELY_SCORE if len(self._pairs) == 1 else SCORE_THRESHOLD
         likeness = [_likeness(*(self._templates[own] for own in both)) for both in self._pairs]
         self._alike = [both for both, like in zip(self._pairs, likeness, strict=True) if like >= least]
+        # Pairs alike of which most frames do not show which is which: where one seems to, that is chance.
+        self._untold = [both for both in self._alike if all(needles[index].is_doubted for index in both)]
 
     @property
     def has_alike(self) -> bool:
@@ -164,9 +166,10 @@ class StackReader:
         left, left_exchanged = (self._left_on(seen, near, places) for places in (as_found, exchanged))
         worse = CLEARLY_WORSE**2  # for each of them
         may_be = np.all([exchanged[index].is_likely for index in both], axis=0)
-        is_swapped = may_be & (worse * left_exchanged < left)
+        is_untold = both in self._untold
+        is_swapped = may_be & (worse * left_exchanged < left) & (not is_untold)
         swapped = open_[is_swapped]
-        unsure = open_[may_be & ~is_swapped & (left_exchanged <= worse * left)]
+        unsure = open_[may_be & ~is_swapped & ((left_exchanged <= worse * left) | is_untold)]
         for index in both:
             own = _part(exchanged[index], np.flatnonzero(is_swapped))
             matches = (own.score >= SCORE_THRESHOLD) & np.isfinite(own.sigma_rows)
