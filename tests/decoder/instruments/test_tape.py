@@ -165,13 +165,14 @@ def flown(
     window: Callable[[float, WindowGrid, int], Floats],
     climb: tuple[float, float] = (1000.0, 2200.0),
     at: Sequence[float] = tuple(range(1010, 2200, 97)),
+    frames: int = 16,
 ) -> list[tuple[Reading, float]]:
     """What a flat tape that was learned in a climb shows at other heights, with the truth."""
     marks = [[30.0, 1080.0], [50.0, 1000.0], [80.0, 880.0]]
     gauge, grid = gauge_of(FLAT, tape={"name": "heading_deg", "index": 50.0, "marks": marks})
     own = DrawnTape.of(gauge, grid)
     first = first_tape(own.marks, own.turn, own.along(window(1000.0, grid, 0)), is_round=False)
-    seen_at = enumerate(np.linspace(*climb, 16).tolist())
+    seen_at = enumerate(np.linspace(*climb, frames).tolist())
     picture = learn_tape([own.along(window(height, grid, n)) for n, height in seen_at], first, own.marks)
     found = read(gauge, grid, picture, *(window(height, grid, 50) for height in at))
     return list(zip(found, at, strict=True))
@@ -184,6 +185,23 @@ def test_a_flat_tape_goes_on_as_far_as_it_was_seen() -> None:
     assert {one.status for one, _ in found} == {Status.READ}
     assert all(abs(one.angle_deg - height) < 1.96 * one.sigma_deg for one, height in found)
     assert beyond.status is Status.MISSING
+
+
+def numbered(value: float, grid: WindowGrid, seed: int = 0) -> Floats:
+    """A flat tape, four to a pixel, of which no two numerals are alike."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        return 50.0 + 100.0 * tape_levels((value + 4.0 * (50.0 - y)) / 4.0, x - 5.0, 400) / 150.0
+
+    return seen(grid, levels, seed)
+
+
+def test_a_flat_tape_is_followed_as_far_as_the_flight_goes() -> None:
+    """Sixteen windows away from the panel picture, its light is what it was there, and the tape's ends have not met."""
+    found = flown(numbered, (1000.0, 6200.0), tuple(range(1010, 6200, 97)), 64)
+
+    assert {one.status for one, _ in found} == {Status.READ}
+    assert all(abs(one.angle_deg - height) < 1.96 * one.sigma_deg for one, height in found)
 
 
 @pytest.mark.parametrize("line", [0.0, 1.0])

@@ -22,6 +22,8 @@ FIRST_FT = 1000.0
 CLIMB_FT = FIRST_FT + 5.7 * np.arange(80)
 # Back and forth, so that in the sample a place looks like another before its own is known.
 WAVES_FT = FIRST_FT + 60.0 * np.sin(np.arange(120) / 14) + 1.5 * np.arange(120)
+# Put elsewhere at once, as a simulator's flight is: 1028 ft and 1828 ft differ in one digit.
+JUMPS_FT = np.concatenate([FIRST_FT + 5.0 * np.arange(60), 1826.0 + 2.3 * np.arange(20), 2020.0 + 2.3 * np.arange(20)])
 
 
 def drawn(altitude_ft: float, seed: int) -> GreyPicture:
@@ -48,7 +50,7 @@ def drawn(altitude_ft: float, seed: int) -> GreyPicture:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flown_ft", [CLIMB_FT, WAVES_FT], ids=["climb", "waves"])
+@pytest.mark.parametrize("flown_ft", [CLIMB_FT, WAVES_FT, JUMPS_FT], ids=["climb", "waves", "jumps"])
 def test_tape_that_moves_on_by_more_than_half_its_window_between_sampled_frames_is_read(
     tmp_path: Path, flown_ft: Floats
 ) -> None:

@@ -59,10 +59,12 @@ class TapeReader:
         is_read &= picture.is_whole | (self._finder.part_known(found.rows) >= 1.0 - HALF**2)
         is_sure = picture.shape.is_round & matches.is_clear & (picture.is_whole | (matches.rivals < SURE_SCORE))
         doubt = np.flatnonzero(is_read & ~is_sure)
-        is_read[doubt] = self._finder.told_apart(windows, matches, doubt, HALF**2)
+        is_read[doubt] = self._finder.told_apart(windows, matches, doubt)
+        if not (picture.shape.is_round or picture.is_whole):
+            is_read[is_read] = self._finder.explained(windows, found, np.flatnonzero(is_read))
         readings = []
-        for number, place_sigma_px in enumerate(place_sigmas_px.tolist()):
-            moved = picture.moved(float(found.rows[number]))
+        all_moved = picture.moved(found.rows).tolist()
+        for number, (moved, place_sigma_px) in enumerate(zip(all_moved, place_sigmas_px.tolist(), strict=True)):
             away = moved if drawn.turn is None else (moved + drawn.turn / 2) % drawn.turn - drawn.turn / 2
             parts = found.sigma_rows[number] * picture.step, own_sigma, per_unit * away, place_sigma_px * a_pixel
             status = Status.READ if is_read[number] else Status.MISSING

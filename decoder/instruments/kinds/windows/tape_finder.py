@@ -100,12 +100,12 @@ class TapeFinder:
         """Find the tape in F unrolled windows (F, R, C)."""
         scores = np.stack([self._search.scores(strip) for strip in strips])
         best = scores.argmax(axis=1)
-        found = self.settled(strips, (COARSE_STEP * best).astype(np.float64))
-        apart = COARSE_STEP * np.abs(np.arange(scores.shape[1]) - best[:, None])
+        found = self.settled(strips, best.astype(np.float64))
+        apart = np.abs(np.arange(scores.shape[1]) - best[:, None])
         is_apart = 8 * np.minimum(apart, self._size - apart) > self._rows
         elsewhere = np.where(_is_peak(scores) & is_apart, scores, 0.0)
         order = np.argsort(-elsewhere, axis=1, kind="stable")[:, :RIVALS]
-        others = (COARSE_STEP * order).astype(np.float64)
+        others = order.astype(np.float64)
         rivals = limited(np.take_along_axis(elsewhere, order[:, :1], axis=1)[:, 0], 0.0, 1.0)
         doubt = np.flatnonzero(found.is_there & (rivals >= LIKELY_SCORE))
         if doubt.size:
@@ -117,11 +117,26 @@ class TapeFinder:
             found.put(better, self.settled(strips[better], other.rows[is_better]))
         return Matches(found, rivals, others)
 
-    def told_apart(self, strips: Floats, matches: Matches, which: Indices, most_left: float) -> Mask:
+    def explained(self, strips: Floats, found: Laid, which: Indices) -> Mask:
+        """(len(which),): whether these of the windows (F, R, C) show what is at their places, digit by digit.
+
+        A place that was never seen may differ from them in one digit of each numeral, which a score over the whole
+        window hardly shows. Around it a 0 in place of an 8 leaves a sixteenth of what is printed there, and most
+        digits a third.
+        """
+        is_explained = np.zeros(len(which), bool)
+        for place, number in enumerate(which.tolist()):
+            fit = found.part(np.array([number]))
+            own = ((self._at(self._known, fit.rows) > 1 - STILL_ROWS) * self._picture.weights)[0]
+            shown = (fit.gains * self._at(self._picture.levels, fit.rows) + fit.lights)[0]
+            left = _detail(own, strips[number] - shown)
+            is_explained[place] = _part_left(own, _detail(own, shown), left) < HALF**5
+        return is_explained
+
+    def told_apart(self, strips: Floats, matches: Matches, which: Indices) -> Mask:
         """(len(which),): whether these of the windows (F, R, C) show their places, and none that matches next best.
 
-        If one of those matches better once it is fitted, it takes the other's place in `matches`. Where two places
-        differ, `most_left` is the part that may stay unexplained; another digit there leaves about half.
+        If one of those matches better once it is fitted, it takes the other's place in `matches`.
         """
         is_told = matches.rivals[which] < LIKELY_SCORE
         for place, number in zip(np.flatnonzero(~is_told).tolist(), which[~is_told].tolist(), strict=True):
@@ -130,17 +145,16 @@ class TapeFinder:
             first, *others = np.argsort(-fits.score, kind="stable").tolist()
             matches.found.put(np.array([number]), fits.part(np.array([first])))
             is_told[place] = all(
-                self._is_told_apart(strips[number], fits, (first, other), most_left)
-                for other in others
-                if fits.is_there[other]
+                self._is_told_apart(strips[number], fits, (first, other)) for other in others if fits.is_there[other]
             )
         return is_told
 
-    def _is_told_apart(self, strip: Floats, fits: Laid, pair: tuple[int, int], most_left: float) -> bool:
+    def _is_told_apart(self, strip: Floats, fits: Laid, pair: tuple[int, int]) -> bool:
         """Whether a window shows what is at the best place of the tape, rather than what is at another or at neither.
 
         Places often differ in a digit only, while all that they share, such as ticks, matches well. Where they differ,
-        a window that shows neither is half way between them, and its digit is as unlike the one as the other.
+        a window that shows neither is half way between them, and its digit is as unlike the one as the other: about
+        half stays unexplained.
         """
         best, other = pair
         shown = fits.gains * self._at(self._picture.levels, fits.rows) + fits.lights
@@ -152,12 +166,8 @@ class TapeFinder:
         if not differ.any() and both.sum() > HALF * own.sum():
             return False
         # Where the other place is not known, nothing is known to be alike.
-        plain = _around(own * shown[best]) / np.maximum(_around(own), ROUNDING)
-        apart = _around(own * np.where(its > 0, unlike, shown[best] - plain) ** 2)
-        tells = apart > max(NOISE_LEVELS**2, HALF**3 * float(apart.max()))
-        left = _around(own * (strip - shown[best]) ** 2)
-        part_left = float(np.quantile(left[tells] / apart[tells], MOST)) if tells.any() else 1.0
-        return part_left < most_left
+        apart = np.where(its > 0, unlike, _detail(own, shown[best]))
+        return _part_left(own, apart, strip - shown[best]) < HALF**2
 
     @cached_property
     def _search(self) -> _PlaceSearch:
@@ -256,9 +266,11 @@ class TapeFinder:
         variance = np.maximum(fit.inverse[:, 1, 1] * noise, (by_patch**2).sum(axis=1))
         found.sigma_rows[which] = np.where(usable, np.sqrt(np.maximum(variance, 0.0)) / np.abs(gain), np.inf)
         gains = gain[:, None, None] + fit.solution[:, 2, None, None] * self._along
-        found.gains[which] = gains = np.maximum(gains, 0.3 * gain[:, None, None])
+        gains = np.maximum(gains, 0.3 * gain[:, None, None])
         light = (fit.solution[:, None, 3:].astype(np.float32) @ self._lights).reshape(fit.left.shape)
-        found.lights[which] = light - gains * fit.mean[:, None, None]
+        at = _nearest_known(fit.weights)
+        found.gains[which] = gains = np.take_along_axis(gains, at, axis=1)
+        found.lights[which] = np.take_along_axis(light, at, axis=1) - gains * fit.mean[:, None, None]
 
     def changes(self, rows: Floats, shifts: Floats) -> Floats:
         """(F, K, R, C): how windows change if their pixels are sampled elsewhere, by `shifts` (K, 2, R, C)."""
@@ -303,54 +315,60 @@ class TapeFinder:
 
 
 class _PlaceSearch:
-    """Matches a window with a tape at every `COARSE_STEP`-th row, on every `COARSE_STEP`-th column.
+    """Matches a window with a tape at every row, on every `COARSE_STEP`-th column.
 
     All places are matched at once, by Fourier transforms along the tape. What smooth light explains at a place, it
-    explains there in the tape and in the window, and is left out in both.
+    explains there in the tape and in the window, and is left out in both. Columns of which the same is known are summed
+    before they are transformed; that is most of them.
     """
 
     def __init__(self, picture: TapePicture, lights: Floats, parts_known: Floats) -> None:
-        thin = (slice(None, None, COARSE_STEP), slice(None, None, COARSE_STEP))
-        self._weights = picture.weights[thin].astype(np.float64)
+        self._weights = picture.weights[:, ::COARSE_STEP].astype(np.float64)
         rows, columns = self._weights.shape
-        self._lights = lights.reshape(len(lights), *picture.weights.shape)[(slice(None), *thin)].astype(np.float64)
-        size = len(picture.levels)
-        self._count = -(-size // COARSE_STEP)
+        self._lights = lights.reshape(len(lights), *picture.weights.shape)[..., ::COARSE_STEP].astype(np.float64)
+        self._count = len(picture.levels)
         self._length = cv2.getOptimalDFTSize(self._count + rows)
-        at = (COARSE_STEP * np.arange(self._count + rows)) % size  # past its end, a tape begins again
+        at = np.arange(self._count + rows) % self._count  # past its end, a tape begins again
         known = picture.known[at, ::COARSE_STEP].astype(np.float64)
         levels = picture.levels[at, ::COARSE_STEP].astype(np.float64)
         levels = known * (levels - (known * levels).sum() / max(float(known.sum()), 1.0))
-        self._known, self._tape = (np.fft.rfft(each, self._length, axis=0) for each in (known, levels))
-        squared = np.fft.rfft(levels**2, self._length, axis=0)
+        alike, group = np.unique(known, axis=1, return_inverse=True)
+        self._groups = np.eye(alike.shape[1])[group.ravel()]
+        self._known, self._tape, squared = (
+            np.fft.rfft(each, self._length, axis=0) for each in (alike, levels, levels**2)
+        )
         count = len(lights)
         pairs = self._lights[:, None] * self._lights
-        normal = self._sums(self._known, pairs.reshape(-1, rows, columns)).T.reshape(-1, count, count)
+        normal = self._over_known(pairs.reshape(-1, rows, columns)).T.reshape(-1, count, count)
         hold = 1e-6 * (np.trace(normal, axis1=1, axis2=2) + 1e-6)[:, None, None] * np.eye(count)
         self._inverse = np.linalg.inv(normal + hold)
-        self._tape_light = self._sums(self._tape, self._lights).T
-        (squares,) = self._sums(squared, np.ones((1, rows, columns)))
+        self._tape_light = self._sums(self._tape, self._weights * self._lights).T
+        (squares,) = self._sums(squared, self._weights[None])
         squares -= self._explained(self._tape_light, self._tape_light)
-        (seen,) = self._sums(self._known, np.ones((1, rows, columns)))
+        (seen,) = self._over_known(np.ones((1, rows, columns)))
         is_plain = squares < seen * (MIN_SPREAD_LEVELS * NOISE_LEVELS) ** 2
-        is_searched = (parts_known[COARSE_STEP * np.arange(self._count)] >= HALF) & ~is_plain
+        is_searched = (parts_known >= HALF) & ~is_plain
         self._length_of_tape = np.where(is_searched, np.sqrt(np.maximum(squares, 1e-9)), np.inf)
 
     def scores(self, strip: Floats) -> Floats:
         """(N,): the NCC of a window (R, C) with the tape at each place; 0 where too little of that is known."""
-        thin = strip[::COARSE_STEP, ::COARSE_STEP].astype(np.float64)
+        thin = strip[:, ::COARSE_STEP].astype(np.float64)
         thin = thin - thin.mean()
-        own = self._sums(self._known, np.concatenate([self._lights * thin, thin[None] ** 2]))
+        own = self._over_known(np.concatenate([self._lights * thin, thin[None] ** 2]))
         light = own[:-1].T
-        (both,) = self._sums(self._tape, thin[None])
+        (both,) = self._sums(self._tape, (self._weights * thin)[None])
         left = own[-1] - self._explained(light, light)
         matched = both - self._explained(self._tape_light, light)
         scores: Floats = matched / (self._length_of_tape * np.sqrt(np.maximum(left, MIN_SPREAD_LEVELS)))
         return scores
 
+    def _over_known(self, windows: Floats) -> Floats:
+        """(M, N): the weighted sums of windows (M, R, C) over what is known of a tape at each place."""
+        return self._sums(self._known, (windows * self._weights) @ self._groups)
+
     def _sums(self, tape: Spectrum, windows: Floats) -> Floats:
-        """(M, N): the weighted sums of products of windows (M, R, C) with a tape at each place."""
-        spectra = np.fft.rfft(windows * self._weights, self._length, axis=1).conj()
+        """(M, N): the sums of products of windows (M, R, C) with a tape at each place."""
+        spectra = np.fft.rfft(windows, self._length, axis=1).conj()
         sums: Floats = np.fft.irfft((spectra * tape).sum(axis=2), self._length, axis=1)[:, : self._count]
         return sums
 
@@ -358,6 +376,25 @@ class _PlaceSearch:
         """(N,): what light explains of a product, given the products (N, 5) of both with its modes."""
         told: Floats = np.einsum("na,nab,nb->n", one, self._inverse, other)
         return told
+
+
+def _detail(own: Floats, shown: Floats) -> Floats:
+    """(R, C): what levels show beyond their mean around each cell, where they have weight."""
+    plain: Floats = shown - _around(own * shown) / np.maximum(_around(own), ROUNDING)
+    return plain
+
+
+def _part_left(own: Floats, told: Floats, left: Floats) -> float:
+    """Return the part of `told` (R, C) that a residual `left` leaves around most cells that tell; 1 if none does.
+
+    The noise, which is what it usually is around a cell, is left out of account.
+    """
+    size, weight, left = _around(own * told**2), _around(own), _around(own * left**2)
+    tells = size > max(NOISE_LEVELS**2, HALF**3 * float(size.max()))
+    if not tells.any():
+        return 1.0
+    noise = np.median(left[own > 0] / weight[own > 0])
+    return float(np.quantile((left[tells] - noise * weight[tells]) / size[tells], MOST))
 
 
 def _around(levels: Floats) -> Floats:
@@ -396,6 +433,19 @@ def _trusted(left: Floats, weights: Floats) -> Floats:
     """(F, R, C): 1 where residuals are no larger than usual for pixels with weight, else 0."""
     own = [explained(*each) for each in zip(left, weights, strict=True)]
     return np.stack(own) if own else np.zeros_like(left)
+
+
+def _nearest_known(weights: Floats) -> Indices:
+    """(F, R, 1): the row of a window nearest to each that has weight (F, R, C).
+
+    The light of what is not known is taken from there. Extrapolated, its slopes would be handed on from each view to
+    the next, and grow.
+    """
+    has_weight = weights.max(axis=2) > 0
+    rows = weights.shape[1]
+    first, last = has_weight.argmax(axis=1), rows - 1 - has_weight[:, ::-1].argmax(axis=1)
+    nearest: Indices = limited(np.arange(rows)[None], first[:, None], last[:, None])[..., None]
+    return nearest
 
 
 def _mean_where(known: Mask, levels: Floats) -> Floats:

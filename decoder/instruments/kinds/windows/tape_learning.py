@@ -9,6 +9,7 @@ position, such as a line along its ticks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -25,8 +26,9 @@ from decoder.matching.thresholds import MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Mask, limited
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
-# How far a tape without an end is followed to either side, in windows.
-REACH_WINDOWS = 12
+# Room on a tape without an end beyond what is known of it, in windows: one that a further view may show, and one that
+# keeps its two ends apart.
+ROOM_WINDOWS = 2
 # Up to this part of a sample's frames may show the same position without spoiling the test of what stands still.
 MOVING_QUANTILE = 0.8
 SETTLE_ROUNDS, REFINE_ROUNDS = 2, 4
@@ -36,7 +38,7 @@ def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round
     """Return a tape as far as the panel picture shows it in its window (along, across), with all that lies over it."""
     shape = TapeShape.of_marks(marks, (len(drawn), drawn.shape[1]), turn, is_round=is_round)
     rows, step = rows_in_sight(shape), shape.step
-    size = (2 * REACH_WINDOWS + 1) * len(rows) if turn is None else round(turn / step)
+    size = 2 * ROOM_WINDOWS * len(rows) if turn is None else round(turn / step)
     weights = Unrolling(shape, rows, step).worth
     blank = np.zeros((size, drawn.shape[1]), np.float32)
     picture = TapePicture(shape, rows, step, blank, np.zeros(blank.shape, bool), weights, drawn, np.ones_like(drawn))
@@ -116,7 +118,8 @@ class TapeMosaic:
             left, other = 1.0 - found.score**2, 1.0 - matches.rivals**2
             fits &= (matches.rivals < SURE_SCORE) & (left < MUCH_BETTER * other)
         else:
-            fits[fits] = finder.told_apart(strips, matches, np.flatnonzero(fits), HALF**3)
+            fits[fits] = finder.told_apart(strips, matches, np.flatnonzero(fits))
+            fits[fits] = finder.explained(strips, found, np.flatnonzero(fits))
         return found, np.asarray(fits, bool)
 
     def _add(self, windows: Sequence[Floats], found: Laid, fits: Mask) -> Mask:
@@ -145,8 +148,20 @@ class TapeMosaic:
         self._strips = self._unrolled(self._windows)
 
     def _compose(self) -> None:
+        if self._picture.shape.turn is None:
+            self._make_room()
         levels, known = composed(self._picture, self._strips, self._where)
         self._picture = replace(self._picture, levels=levels, known=known)
+
+    def _make_room(self) -> None:
+        """Lengthen a tape without an end, which is cyclic here too, so that its ends never meet."""
+        rows, levels = self._where.rows, self._picture.levels
+        moved = self._picture.moved(rows) / self._picture.step
+        far = float(np.abs(moved).max())
+        missing = 2 * math.ceil(far + ROOM_WINDOWS * len(self._picture.weights)) - len(levels)
+        if missing > 0:
+            self._where.rows[:] = self._picture.origin + moved
+            self._picture = replace(self._picture, levels=np.pad(levels, ((0, missing), (0, 0))))
 
     def _settle(self, first: int = 0) -> float:
         """Fit the views from the `first` on again and compose the tape anew; return the part left unexplained."""

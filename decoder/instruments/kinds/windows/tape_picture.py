@@ -106,14 +106,11 @@ class TapePicture:
         """Whether all of it was seen."""
         return bool((self.known.mean(axis=1) >= HALF).all())
 
-    def value(self, rows: float, index_px: float) -> float:
-        """Return the value at a place of the window when the tape has moved by `rows`."""
-        return self.shape.value_at(index_px) + self.moved(rows)
-
-    def moved(self, rows: float) -> float:
-        """Return the change of values when the tape lies at a row, the short way around as it is cyclic."""
+    def moved(self, rows: Floats) -> Floats:
+        """(F,): the change of values when the tape lies at rows (F,), the short way around as it is cyclic."""
         size = len(self.levels)
-        return ((rows - self.origin + size / 2) % size - size / 2) * self.step
+        changes: Floats = ((rows - self.origin + size / 2) % size - size / 2) * self.step
+        return changes
 
 
 def composed(picture: TapePicture, strips: Floats, where: Laid) -> tuple[Floats, Mask]:
@@ -123,6 +120,10 @@ def composed(picture: TapePicture, strips: Floats, where: Laid) -> tuple[Floats,
     first = np.floor(where.rows).astype(np.intp)
     part = (where.rows - first).astype(np.float32)[:, None, None]
     lit = (strips - where.lights) / where.gains
+    # A composed tape is less sharp than its views, so each has a gain of more than 1, and the next view, fitted to it,
+    # of more still. All views were brought into the same light, so that half the way back keeps the gains from growing.
+    middle = lit.mean(axis=(1, 2), keepdims=True)
+    lit = middle + (lit - middle) * np.sqrt(where.gains)
     seen = part * lit[:, :-1] + (1 - part) * lit[:, 1:]
     # A tape without an end is long, and each view shows little of it: they are added one by one.
     at = (first[:, None] + 1 + np.arange(rows - 1)) % size
