@@ -126,6 +126,28 @@ def test_a_card_that_never_turned_is_not_told_from_its_line() -> None:
     assert not off.size
 
 
+def dense(at: int, seed: int) -> Floats:
+    """A window with a broad band of dense print, before which a line crosses it in light of its own (along, across)."""
+    own, along = np.random.default_rng(seed), np.arange(at, at + 72)
+    strokes = np.repeat(np.random.default_rng(5).uniform(size=(200, 16)) > 0.2, 2, axis=0)[along]
+    is_numeral = np.abs(along % 24 - 11.5)[:, None] < 10.0
+    window = np.full((72, 36), 50.0)
+    window[:, 8:24] += 150.0 * (strokes & is_numeral)
+    window[32:35] = 50.0 + 150.0 * own.uniform(0.8, 1.2)
+    return np.asarray(window + own.normal(0.0, 1.5, window.shape), np.float32)
+
+
+def test_a_line_before_dense_print_stands_still_all_the_way_across() -> None:
+    """Blurred print shows at its flanks, and the sun lights it otherwise, but nothing passes before it."""
+    gauge, grid = compass()
+    own = DrawnTape.of(gauge, grid)
+    first = first_tape(own.marks, own.turn, dense(0, 0), is_round=own.is_round)
+    picture = learn_tape([dense(20 * number, number + 1) for number in range(16)], first, own.marks)
+
+    assert not picture.free[33].any()
+    assert picture.free.mean() > 0.8
+
+
 def test_frames_beside_it_change_nothing() -> None:
     """A frame is read the same to the bit, whatever frames are read with it."""
     gauge, grid = compass()

@@ -50,7 +50,9 @@ def learn_tape(strips: Sequence[Floats], given: TapePicture, marks: DrawnMarks) 
     if not strips:
         return given
     lit = _lit(given, strips)
-    mosaic = TapeMosaic(replace(given, free=1.0 - _still(lit)), marks)
+    still = _still(lit)
+    still = np.maximum(still, _still(_lit_alike(lit, still)))
+    mosaic = TapeMosaic(replace(given, free=1.0 - still), marks)
     mosaic.learn(lit)
     return mosaic.picture
 
@@ -220,6 +222,21 @@ def _in_light_of(reference: Floats, window: Floats) -> Floats:
     return lit
 
 
+def _lit_alike(windows: Sequence[Floats], still: Floats) -> list[Floats]:
+    """Bring windows into one light by what stands still in them: their spread also tells how much print they show."""
+    is_still = still >= HALF
+    if not is_still.any():
+        return list(windows)
+    middle = median_of(np.stack(windows))
+    usual = middle[is_still] - middle[is_still].mean()
+    alike = []
+    for window in windows:
+        own = window[is_still] - window[is_still].mean()
+        gain = float(usual @ usual) / max(float(own @ usual), MIN_SPREAD_LEVELS * is_still.sum())
+        alike.append((window - window[is_still].mean()) * gain + middle[is_still].mean())
+    return alike
+
+
 def _still(windows: Sequence[Floats]) -> Floats:
     """(along, across): 1 where windows show the same in most frames, whatever the tape does, else 0.
 
@@ -241,6 +258,8 @@ def _still(windows: Sequence[Floats]) -> Floats:
     is_edge = (edge > NOISE_LEVELS) & (moves < edge / 2)
     is_over = (beside > OUTLIER_SPREADS * np.maximum(usual, NOISE_LEVELS)) & (moves < beside / 2)
     is_over &= np.square(beside[is_over]).sum() > np.square(off).mean(axis=0).sum()
+    # Numerals pass everywhere along the window, but not before a line that crosses them.
+    is_edge |= (beside > NOISE_LEVELS) & (moves < HALF * np.minimum(beside, np.median(moves, axis=0)))
     grown = (
         cv2.dilate(still.astype(np.float32), np.ones(reach, np.uint8))
         for still, reach in ((is_edge, (3, 1)), (is_over, (5, 5)))
