@@ -86,3 +86,20 @@ def test_frame_that_shows_no_card_is_left_out() -> None:
 
     assert found.clear.tolist() == [True, True, False, True, True]
     assert ((found.rows - found.rows[0]) % ROWS)[found.clear].tolist() == [0, 40, 170, 260]
+
+
+def test_frames_at_one_turn_do_not_confirm_each_other() -> None:
+    """Between two cards with other numerals there is no turn, however many noisy frames show each of them."""
+    frames = np.concatenate([frames_of(printed(3), [0] * 4, 5), frames_of(printed(4), [60] * 4, 6)])
+    frames += np.random.default_rng(9).normal(0.0, 30.0, frames.shape).astype(np.float32)
+
+    assert not common_turns(frames, REACH).clear.any()
+
+
+def test_two_turns_alone_may_have_to_be_clearer() -> None:
+    """They cannot contradict each other, as more would."""
+    noise = [np.random.default_rng(9 + frame).normal(0.0, 2.0, (ROWS, COLUMNS)) for frame in range(4)]
+    two = np.stack([np.roll(printed(3), turn, axis=0) for turn in (0, 0, 60, 60)]) + np.array(noise, np.float32)
+
+    assert common_turns(two, REACH).clear.all()
+    assert not common_turns(two, REACH, most_of_two=0.0).clear.any()

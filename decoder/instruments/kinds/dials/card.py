@@ -349,7 +349,7 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
     lit = [evenly_lit(strip, grid) for strip in strips]
     if len(lit) < FRAMES_TO_LEARN:
         return given
-    turns = common_turns(np.stack(lit), round(RIVAL_REACH_DEG / grid.step_deg))
+    turns = common_turns(np.stack(lit), round(RIVAL_REACH_DEG / grid.step_deg), most_of_two=1.0 / CLEARLY_WORSE)
     views = [
         (seen, rows) for seen, rows, is_clear in zip(lit, turns.rows.tolist(), turns.clear, strict=True) if is_clear
     ]

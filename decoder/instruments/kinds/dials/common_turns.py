@@ -33,11 +33,13 @@ class CommonTurns:
     clear: Mask
 
 
-def common_turns(pictures: Floats, reach: int) -> CommonTurns:
+def common_turns(pictures: Floats, reach: int, *, most_of_two: float = MUCH_BETTER) -> CommonTurns:
     """Find the turns on which all pairs of F pictures of a card (F, P, C) agree best.
 
     A turn further away than `reach` rows is another one. The least clear pictures are left out until all others are
-    clear, since a wrong turn makes others look right.
+    clear, since a wrong turn makes others look right. Two turns alone cannot contradict each other, and a card that is
+    seen around another centre may match best half a turn off: of two, each leaves at most the part `most_of_two` of
+    what any other does.
     """
     pictures = _in_one_light(pictures)
     noise_levels = noise_between(pictures)
@@ -47,9 +49,9 @@ def common_turns(pictures: Floats, reach: int) -> CommonTurns:
     while len(settings) > 1:
         search = _Search.of(scores, settings, reach)
         found = search.best()
-        views = _Views.of(pictures[search.first], weights, found.tolist(), search.frames, noise_levels)
+        views = _Views.of(pictures[search.first], weights, found, search, noise_levels)
         parts = [views.part_of_rivals(number, search.rivals(number, found)) for number in range(len(settings))]
-        if max(parts) < MUCH_BETTER:
+        if max(parts) < (MUCH_BETTER if search.turns(found) > 2 else most_of_two):  # noqa: PLR2004
             for setting, row in zip(settings, found, strict=True):
                 frames = list(setting)
                 rows[frames], clear[frames] = row + np.array(list(setting.values())), True
@@ -140,6 +142,20 @@ class _Search:
             found.append(int(scores.argmax()))
         return found[1:]
 
+    def is_same(self, rows: Indices) -> Mask:
+        """(S, S): which settings are at the same turn, themselves among them."""
+        size = self.scores.shape[2]
+        same: Mask = np.abs((rows[:, None] - rows + size // 2) % size - size // 2) <= self.reach
+        return same
+
+    def turns(self, rows: Indices) -> int:
+        """Count the turns at which settings are."""
+        same, told = self.is_same(rows), list[int]()
+        for setting in range(len(rows)):
+            if not same[setting, told].any():
+                told.append(setting)
+        return len(told)
+
     def _against_others(self, rows: Indices) -> Floats:
         """(S, P): how well each turn of each setting matches all others at their present rows."""
         told = sum((self._told_by(setting, row) for setting, row in enumerate(rows)), np.zeros(self.scores.shape[1:]))
@@ -166,9 +182,10 @@ class _Search:
 
 @dataclass(frozen=True, slots=True)
 class _Views:
-    """Pictures of S settings, and the card as all other settings show it: (S, P, C) each.
+    """Pictures of S settings, and the card as settings at all other turns show it: (S, P, C) each.
 
-    `known` (S, P, C) is what of the card they show, `moves` (P, C) where on the dial the card shows at all.
+    Settings found at the same turn would confirm each other, right or wrong. `known` (S, P, C) is what of the card the
+    others show, `moves` (P, C) where on the dial the card shows at all.
     """
 
     seen: Floats
@@ -179,15 +196,15 @@ class _Views:
     noise_levels: float
 
     @classmethod
-    def of(cls, seen: Floats, weights: Floats, rows: list[int], frames: Indices, noise_levels: float) -> Self:
+    def of(cls, seen: Floats, weights: Floats, found: Indices, search: _Search, noise_levels: float) -> Self:
         """Learn the card from one picture of each setting, turned back; `weights` (P, C) is where the dial changes."""
-        parts = np.array([np.roll(weights, -row, axis=0) for row in rows]) * (frames / frames.sum())[:, None, None]
+        rows, share = found.tolist(), search.frames / search.frames.sum()
+        is_other = (~search.is_same(found)).astype(np.float64)
+        parts = np.array([np.roll(weights, -row, axis=0) for row in rows]) * share[:, None, None]
         backs = parts * np.stack([np.roll(picture, -row, axis=0) for picture, row in zip(seen, rows, strict=True)])
-        shown = parts.sum(axis=0) - parts
-        cards = (backs.sum(axis=0) - backs) / np.maximum(shown, ROUNDING)
-        return cls(
-            seen, cards, shown > HALF * (1.0 - frames / frames.sum())[:, None, None], weights > HALF, rows, noise_levels
-        )
+        shown, told = (np.tensordot(is_other, each, axes=1) for each in (parts, backs))
+        is_known = shown > HALF * np.maximum(is_other @ share, ROUNDING)[:, None, None]
+        return cls(seen, told / np.maximum(shown, ROUNDING), is_known, weights > HALF, rows, noise_levels)
 
     def part_of_rivals(self, setting: int, rivals: Sequence[int]) -> float:
         """Return the card's distance from a picture at its own turn, as a part of that at the best of `rivals`.
