@@ -120,10 +120,11 @@ def composed(picture: TapePicture, strips: Floats, where: Laid) -> tuple[Floats,
     first = np.floor(where.rows).astype(np.intp)
     part = (where.rows - first).astype(np.float32)[:, None, None]
     lit = (strips - where.lights) / where.gains
-    # A composed tape is less sharp than its views, so each has a gain of more than 1, and the next view, fitted to it,
-    # of more still. All views were brought into the same light, so that half the way back keeps the gains from growing.
-    middle = lit.mean(axis=(1, 2), keepdims=True)
-    lit = middle + (lit - middle) * np.sqrt(where.gains)
+    if picture.shape.turn is None:
+        # A composed tape is less sharp than its views, so each has a gain of more than 1, and the next view, fitted to
+        # it, of more still. All views were brought into the same light: half the way back keeps gains from growing.
+        middle = lit.mean(axis=(1, 2), keepdims=True)
+        lit = middle + (lit - middle) * np.sqrt(where.gains)
     seen = part * lit[:, :-1] + (1 - part) * lit[:, 1:]
     # A tape without an end is long, and each view shows little of it: they are added one by one.
     at = (first[:, None] + 1 + np.arange(rows - 1)) % size
