@@ -26,9 +26,9 @@ from decoder.matching.thresholds import MUCH_BETTER, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Mask, limited
 from decoder.registration.thresholds import MIN_SPREAD_LEVELS, NOISE_LEVELS
 
-# Room on a tape without an end beyond what is known of it, in windows: one that a further view may show, and one that
-# keeps its two ends apart.
-ROOM_WINDOWS = 2
+# Room on a tape without an end, in windows: its last view, one that a further view may show at either end, and one that
+# keeps the ends apart.
+ROOM_WINDOWS = 3
 # Up to this part of a sample's frames may show the same position without spoiling the test of what stands still.
 MOVING_QUANTILE = 0.8
 SETTLE_ROUNDS, REFINE_ROUNDS = 2, 4
@@ -38,10 +38,12 @@ def first_tape(marks: DrawnMarks, turn: float | None, drawn: Floats, *, is_round
     """Return a tape as far as the panel picture shows it in its window (along, across), with all that lies over it."""
     shape = TapeShape.of_marks(marks, (len(drawn), drawn.shape[1]), turn, is_round=is_round)
     rows, step = rows_in_sight(shape), shape.step
-    size = 2 * ROOM_WINDOWS * len(rows) if turn is None else round(turn / step)
+    size = ROOM_WINDOWS * len(rows) if turn is None else round(turn / step)
     weights = Unrolling(shape, rows, step).worth
     blank = np.zeros((size, drawn.shape[1]), np.float32)
-    picture = TapePicture(shape, rows, step, blank, np.zeros(blank.shape, bool), weights, drawn, np.ones_like(drawn))
+    picture = TapePicture(
+        shape, rows, step, blank, np.zeros(blank.shape, bool), weights, drawn, np.ones_like(drawn), -size / 2
+    )
     return TapeMosaic(picture, marks).picture
 
 
@@ -157,13 +159,12 @@ class TapeMosaic:
 
     def _make_room(self) -> None:
         """Lengthen a tape without an end, which is cyclic here too, so that its ends never meet."""
-        rows, levels = self._where.rows, self._picture.levels
-        moved = self._picture.moved(rows) / self._picture.step
-        far = float(np.abs(moved).max())
-        missing = 2 * math.ceil(far + ROOM_WINDOWS * len(self._picture.weights)) - len(levels)
-        if missing > 0:
-            self._where.rows[:] = self._picture.origin + moved
-            self._picture = replace(self._picture, levels=np.pad(levels, ((0, missing), (0, 0))))
+        picture, window = self._picture, len(self._picture.weights)
+        moved = picture.moved(self._where.rows) / picture.step
+        missing = math.ceil(np.ptp(moved)) + ROOM_WINDOWS * window - len(picture.levels)
+        longer = np.pad(picture.levels, ((0, max(missing, 0)), (0, 0)))
+        self._where.rows[:] = picture.origin + moved
+        self._picture = replace(picture, levels=longer, lowest=float(moved.min()) - window)
 
     def _settle(self, first: int = 0) -> float:
         """Fit the views from the `first` on again and compose the tape anew; return the part left unexplained."""

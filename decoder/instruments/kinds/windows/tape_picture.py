@@ -76,6 +76,8 @@ class TapePicture:
         (along, across): the window in the panel picture, and 1 where nothing stands still over the tape, else 0.
     origin
         How far it has moved there.
+    lowest
+        The least that it can have moved from there, in rows; it is cyclic, so that the most is its length more.
     is_learned
         Whether a flight separated it from what stands still over it.
     views, rows_of_views
@@ -91,6 +93,7 @@ class TapePicture:
     weights: Floats
     drawn: Floats
     free: Floats
+    lowest: float
     origin: float = 0.0
     is_learned: bool = False
     views: tuple[Floats, ...] = ()
@@ -107,9 +110,8 @@ class TapePicture:
         return bool((self.known.mean(axis=1) >= HALF).all())
 
     def moved(self, rows: Floats) -> Floats:
-        """(F,): the change of values when the tape lies at rows (F,), the short way around as it is cyclic."""
-        size = len(self.levels)
-        changes: Floats = ((rows - self.origin + size / 2) % size - size / 2) * self.step
+        """(F,): the change of values when the tape lies at rows (F,)."""
+        changes: Floats = ((rows - self.origin - self.lowest) % len(self.levels) + self.lowest) * self.step
         return changes
 
 
