@@ -283,27 +283,29 @@ def test_two_needles_of_one_form_are_never_taken_for_each_other(
     assert read >= least * 2 * len(pairs)
 
 
+def bright_over_dim(bright_deg: float, dim_deg: float, seed: int) -> GreyPicture:
+    """A dial with a bright needle over a dim one of the same shape."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(0, 360, 30))
+        canvas.hand(Hand(level=150.0), dim_deg)
+        canvas.hand(Hand(), bright_deg)
+
+    return paint(what, seed=seed)
+
+
 @pytest.mark.parametrize("beside_deg", [0.0, 2.0], ids=["as drawn", "drawn beside its axis"])
 def test_needle_found_where_the_other_is_goes_back_to_its_own_place(beside_deg: float) -> None:
     """Also if it is cut beside its axis, so that it does not lie exactly where it matched as the other."""
-
-    def draw(one_deg: float, other_deg: float, seed: int) -> GreyPicture:
-        def what(canvas: Canvas) -> None:
-            canvas.dial(range(0, 360, 30))
-            canvas.hand(Hand(level=150.0), other_deg)
-            canvas.hand(Hand(), one_deg)
-
-        return paint(what, seed=seed)
-
     needles = [
         {"name": "one", "template": {"at": 160.0, "span": 16}},
         {"name": "other", "template": {"at": 330.0 + beside_deg, "span": 16}, "covered_by": "one"},
     ]
     gauge = {"name": "n1", "radius": [20, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 30]], "needles": needles}
-    reader = reader_for([gauge], draw(160.0, 330.0, 1))
+    reader = reader_for([gauge], bright_over_dim(160.0, 330.0, 1))
     read = 0
     for seed, angles_deg in enumerate(np.random.default_rng(4).uniform(130, 410, (24, 2)), start=2):
-        readings = read_picture(reader, draw(*angles_deg.tolist(), seed)).readings
+        readings = read_picture(reader, bright_over_dim(*angles_deg.tolist(), seed)).readings
         for name, angle_deg in zip(("one", "other"), angles_deg, strict=True):
             read += readings[name].status is Status.READ
             off_deg = apart(readings[name].angle_deg, angle_deg)
@@ -383,25 +385,17 @@ def test_two_needles_alike_are_never_exchanged_where_their_pictures_end_within_t
 @pytest.mark.parametrize("is_doubted", [False, True])
 def test_two_needles_alike_that_most_frames_do_not_tell_apart_are_never_told_apart(*, is_doubted: bool) -> None:
     """Not even where one order fits clearly better: what differs may be a shadow, as one picture of each shows it."""
-
-    def draw(one_deg: float, other_deg: float, seed: int) -> GreyPicture:
-        def what(canvas: Canvas) -> None:
-            canvas.dial(range(0, 360, 30))
-            canvas.hand(Hand(level=150.0), other_deg)
-            canvas.hand(Hand(), one_deg)
-
-        return paint(what, seed=seed)
-
     needles = [
         {"name": "one", "template": {"at": 160.0, "span": 16}},
         {"name": "other", "template": {"at": 330.0, "span": 16}, "covered_by": "one"},
     ]
     gauge = {"name": "n1", "radius": [20, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 30]], "needles": needles}
-    reader = reader_for([gauge], draw(160.0, 330.0, 1))
+    reader = reader_for([gauge], bright_over_dim(160.0, 330.0, 1))
     if is_doubted:
         reader = reader.with_appearance(replace(reader.appearance, doubted=frozenset({"one", "other"})))
     readings = [
-        read_picture(reader, draw(at, at + 100.0, seed)).readings for seed, at in enumerate((150.0, 200.0, 300.0))
+        read_picture(reader, bright_over_dim(at, at + 100.0, seed)).readings
+        for seed, at in enumerate((150.0, 200.0, 300.0))
     ]
     statuses = {own[name].status for own in readings for name in ("one", "other")}
 
