@@ -177,7 +177,7 @@ class Instrument(Placed):
                 self.grid,
                 self.face,
                 appearance.templates[needle.name],
-                needle.name in appearance.doubted,
+                is_doubted=needle.name in appearance.doubted,
             )
             for needle in self.gauge.needles
         ]

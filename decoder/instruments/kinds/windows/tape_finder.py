@@ -122,7 +122,7 @@ class TapeFinder:
 
         A place that was never seen may differ from them in one digit of each numeral, which a score over the whole
         window hardly shows. Around it a 0 in place of an 8 leaves a sixteenth of what is printed there, and most
-        digits a third.
+        digits a third; half of the former may be left.
         """
         is_explained = np.zeros(len(which), bool)
         for place, number in enumerate(which.tolist()):
