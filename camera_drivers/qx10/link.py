@@ -97,16 +97,14 @@ class Exchange:
             No HTTP, cut off, or larger than `max_bytes`.
         """
         status = self.open(call, method, url, body=body)
-        parts: list[bytes] = []
-        size = 0
         if self._announced_bytes() > max_bytes:
             raise CameraSilentError(call, TOO_LARGE)
+        body_so_far = bytearray()  # not the parts: of two bytes each, they take thirty times the memory
         while part := self.read(call, CHUNK_BYTES):
-            size += len(part)
-            if size > max_bytes:
+            body_so_far += part
+            if len(body_so_far) > max_bytes:
                 raise CameraSilentError(call, TOO_LARGE)
-            parts.append(part)
-        return Answer(status, b"".join(parts))
+        return Answer(status, bytes(body_so_far))
 
     def open(self, call: str, method: str, url: str, *, body: bytes | None = None) -> int:
         """Send a request and return the HTTP status as soon as the headers are there."""

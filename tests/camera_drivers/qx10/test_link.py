@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import socket
 import threading
+import tracemalloc
 from contextlib import suppress
 
 import pytest
@@ -140,6 +141,22 @@ def test_stop_ends_a_call(strangers: Strangers, link: Link) -> None:
     threading.Timer(0.1, link.waiter.stop.set).start()
     with pytest.raises(Stopped):
         get(link, strangers.url(say_nothing))
+
+
+def test_answer_in_tiny_chunks_takes_no_more_memory_than_its_bytes(strangers: Strangers, link: Link) -> None:
+    """A camera that sends a picture in chunks of two bytes had taken thirty times the picture's memory."""
+    pieces, size = 40_000, 2
+    body = CHUNKED + b"2\r\nab\r\n" * pieces + b"0\r\n\r\n"
+    url = strangers.url(send(body))
+    tracemalloc.start()
+    try:
+        answer = link.get("test", url, max_bytes=MAX_BYTES, limit_s=60)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+
+    assert answer.body == b"ab" * pieces
+    assert most < 10 * pieces * size
 
 
 @pytest.mark.parametrize("act", [send(WHOLE["in chunks"]), NO_ANSWERS["too short"][0]], ids=["whole", "broken off"])
