@@ -202,7 +202,10 @@ def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
         raise CameraUnusableError(
             f"camera.program: there is no {options.program}; install it: apt-get install rpicam-apps-lite"
         )
-    reading, writing = os.pipe()
+    try:
+        reading, writing = os.pipe()
+    except OSError as error:
+        raise _not_started(program, error) from error
     try:
         command = [program, *arguments(options, f"/dev/fd/{writing}")]
         process = subprocess.Popen(  # noqa: S603 - what recorder.yaml names
@@ -216,10 +219,14 @@ def _started(options: PicameraSettings) -> tuple[subprocess.Popen[bytes], int]:
         )
     except OSError as error:
         os.close(reading)
-        raise CameraUnusableError(f"camera.program: {program} cannot be started ({error.strerror}).") from error
+        raise _not_started(program, error) from error
     finally:
         os.close(writing)
     return process, reading
+
+
+def _not_started(program: str, error: OSError) -> CameraUnusableError:
+    return CameraUnusableError(f"camera.program: {program} cannot be started ({error.strerror}).")
 
 
 def _whole(said: Mapping[str, str], name: str) -> int | None:

@@ -238,7 +238,10 @@ def _question(host: str, port: int) -> bytes:
 
 
 def _socket(interface: str | None) -> socket.socket:
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    except OSError as error:  # the system has no file or no memory left for it
+        raise _not_looked_for(interface, error) from error
     sock.setblocking(False)
     sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
     if interface is None:
@@ -260,10 +263,12 @@ def _ask(sock: socket.socket, question: bytes, options: Qx10Settings) -> None:
     try:
         sock.sendto(question, options.search_address)
     except OSError as error:
-        where = options.interface or "any interface"
-        raise CameraNotFoundError(
-            f"The camera cannot be looked for on {where} ({error.strerror}); check the network."
-        ) from error
+        raise _not_looked_for(options.interface, error) from error
+
+
+def _not_looked_for(interface: str | None, error: OSError) -> CameraNotFoundError:
+    where = interface or "any interface"
+    return CameraNotFoundError(f"The camera cannot be looked for on {where} ({error.strerror}); check the network.")
 
 
 def _answers(sock: socket.socket) -> Iterator[str]:

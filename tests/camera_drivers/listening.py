@@ -1,8 +1,11 @@
-"""Who hears what a driver says beside its pictures, and takes these as the recorder does."""
+"""Who hears what a driver says beside its pictures, takes these as the recorder does, and a machine without files."""
 
 from __future__ import annotations
 
+import resource
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from camera_drivers.camera import Camera
@@ -52,3 +55,14 @@ def taken_by_and_by(camera: Camera, number: int, failures: list[str]) -> list[Fr
             assert len(failures) < CONNECTIONS, failures
             threading.Event().wait(0.1)
     return frames
+
+
+@contextmanager
+def no_more_files() -> Iterator[None]:
+    """A machine on which this process can open no more files."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))

@@ -27,7 +27,7 @@ from flight_file.frame import Frame
 from flight_file.video.groups import begins_group
 from recorder.host import SystemClock
 from tests.camera_drivers.conftest import MakeJpeg
-from tests.camera_drivers.listening import Listener
+from tests.camera_drivers.listening import Listener, no_more_files
 from tests.camera_drivers.picamera import rpicam_vid
 from tests.videos import film, packets
 
@@ -169,6 +169,13 @@ def test_program_that_is_not_there_needs_a_person() -> None:
     """The sentence says how to install it."""
     with pytest.raises(CameraUnusableError, match="apt-get install rpicam-apps-lite"):
         picamera(Options(program="no-such-vid"), SystemClock(), Listener()).__enter__()
+
+
+def test_machine_that_opens_no_more_files_does_not_end_the_recording(program: Program, jpegs: list[bytes]) -> None:
+    """It is one sentence, and the program is started later."""
+    camera = picamera(Options(program=program(jpegs)), SystemClock(), Listener())
+    with no_more_files(), pytest.raises(CameraUnusableError, match=r"cannot be started .*Too many open files"):
+        camera.__enter__()
 
 
 def test_option_that_the_program_has_not_ends_it_with_its_own_words(program: Program, jpegs: list[bytes]) -> None:

@@ -21,6 +21,7 @@ from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import MAX_DESCRIPTIONS
 from camera_drivers.waiting import Stopped, Waiter
 from recorder.host import SystemClock
+from tests.camera_drivers.listening import no_more_files
 from tests.camera_drivers.qx10.conftest import settings_for
 from tests.camera_drivers.qx10.strangers import OK, Act, Strangers, drip, send, send_a_gigabyte
 
@@ -184,6 +185,13 @@ def test_nobody_but_strangers_is_one_sentence(strangers: Strangers, listener: Re
         quick = options.model_copy(update={"limits": Qx10Limits(search_s=0.5)})
         with pytest.raises(CameraNotFoundError, match=r"x: HTTP status 302; check camera\.url\.$"):
             first_camera(quick, clock, Waiter(clock, listener))
+
+
+def test_machine_that_opens_no_more_files_is_one_sentence(listener: Reporter) -> None:
+    """The search is tried again like any other, where the recording had ended."""
+    clock = SystemClock()
+    with no_more_files(), pytest.raises(CameraNotFoundError, match=r"cannot be looked for .*Too many open files"):
+        first_camera(Qx10Settings(driver="qx10"), clock, Waiter(clock, listener))
 
 
 # Written after the recorded ones: blanks where nobody needs them, and an element without content.
