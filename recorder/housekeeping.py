@@ -28,6 +28,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMappin
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 
 from flight_file.errors import FlightFileError, FlightNotWrittenError, NotAFlightError
 from flight_file.files import claimed
@@ -40,7 +41,7 @@ from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
 from recorder.journal import Journal
 from recorder.marks import MARKS_FOLDER, Marks, is_in_work, tidy_marks
-from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SILENCE_S
+from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SAY_S, SILENCE_S
 
 _OURS = re.compile(
     r"(?P<start>\d{8}T\d{6}Z)(-(?P<copy>\d+))?_(?P<segment>\d{4,})(?P<recovered>\.recovered(-\d+)?)?\.mcap"
@@ -139,6 +140,7 @@ class _SegmentIndex:
         self._segments: list[tuple[_Age, str]] = []
         self._spans_ns: dict[str, int] = {}
         self._reads_left = 0
+        self._until_s = 0.0
         self._unsaid: list[str] = []
         self.names: set[str] = set()
         self.unreadable: set[str] = set()
@@ -154,15 +156,21 @@ class _SegmentIndex:
         kept = (aged for aged in self._segments if aged[1] not in left_out)
         self._segments = sorted([*kept, *_aged(new)])
         self._directory, self.names, self._reads_left = directory, names, READS_AT_ONCE
+        self._until_s = monotonic() + SAY_S
         waiting = {name.removesuffix(PART_SUFFIX): name for name in tuple(self._waiting) if name in names - left_out}
         in_work = ((age, waiting[name]) for age, name in _aged(waiting))
         return [name for _, name in sorted([*self._segments, *in_work])]
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the look takes long, as on a slow disk: the writer's thread has to go on, and looks again later."""
+        return monotonic() >= self._until_s
 
     def span_ns(self, name: str) -> int | None:
         """Return the length that a segment counts, ns: 0 if unreadable, None if there is no time to look now."""
         if name in self.unreadable:
             return 0
-        if name not in self._spans_ns and self._reads_left:
+        if name not in self._spans_ns and self._reads_left and not self.is_late:
             self._reads_left -= 1
             try:
                 waiting = self._waiting.get(name)
@@ -274,7 +282,7 @@ class Retention:
         for number, name in enumerate(older_than(segments, self._rules.keep_ns, span_ns)):
             if name in newest_in_work or marks.keep(name):
                 continue
-            if not (number < too_old or wanted or self._is_short()):
+            if not (number < too_old or wanted or self._is_short()) or (deleted and self._index.is_late):
                 break
             if span_ns(name) is None:
                 break

@@ -224,6 +224,37 @@ def undeletable() -> Iterator[Callable[[Path], None]]:
         run(["chattr", "-i", path], check=True)
 
 
+@pytest.mark.parametrize("slow", ["unlink", "read"])
+def test_slow_disk_is_tidied_bit_by_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, slow: str) -> None:
+    """The writer's thread comes back after two seconds, however many segments there are to look at and to delete."""
+    disk, clock, unlink = SmallDisk(tmp_path, 8, reserve_bytes=100 * MIB, keep_ns=HOUR_NS), [0.0], Path.unlink
+    monkeypatch.setattr(housekeeping, "monotonic", lambda: clock[0])
+
+    def take_a_second(what: str) -> None:
+        clock[0] += 1.0 if what == slow else 0.0
+
+    def slowly_unlink(path: Path, *, missing_ok: bool = False) -> None:
+        take_a_second("unlink")
+        unlink(path, missing_ok=missing_ok)
+
+    def slowly_read(_path: Path) -> Recorded:
+        take_a_second("read")
+        return HOUR
+
+    monkeypatch.setattr(Path, "unlink", slowly_unlink)
+    rules = Rules(reserve_bytes=100 * MIB, keep_ns=HOUR_NS, longest_ns=HOUR_NS)
+    retention = Retention(tmp_path, rules, free_bytes=disk.free, journal=Journal(disk.log), read=slowly_read)
+    took = list[float]()
+    while disk.left() != [7]:
+        began = clock[0]
+        assert len(took) < 10
+        retention.make_room()
+        took.append(clock[0] - began)
+
+    assert max(took) <= 3.0
+    assert len(took) > 2
+
+
 def test_segment_that_cannot_be_deleted_is_passed_over(tmp_path: Path, undeletable: Callable[[Path], None]) -> None:
     """The next ones go instead, the log names it once, and it goes as soon as the system lets it go."""
     disk = SmallDisk(tmp_path, 4)
