@@ -70,6 +70,7 @@ from flight_file.segment import Segment, attachment_digests, open_segment, opene
 from flight_file.session import (
     END_RECORD,
     PART_SUFFIX,
+    RECOVERING_SUFFIX,
     SESSION_RECORD,
     EndRecord,
     claimed_place,
@@ -88,7 +89,6 @@ from flight_file.writer import packed_head, register_late, registered_topics
 _OF_FRAMES = PICTURE_TOPICS | {FRAME_TOPIC}
 _CUT_OFF = "recovered: the recording was cut off"
 _DAMAGED = "recovered: the file was damaged; it had ended with: "
-_ASIDE_SUFFIX = ".recovering"
 _NOTHING = "nothing that was recorded is left in it; delete it"
 _NOT_SIGNED = "; it is not signed: nothing in the file proves that this key recorded it"
 _NOT_PROVEN = "; it is not signed: it stood behind the last checkpoint, where nothing proves it"
@@ -384,9 +384,10 @@ class _Recovery:
     def _copied(self, extent: _Extent, names: Iterator[Path], *, signer: Signer | None) -> tuple[Path, Repacked]:
         """Copy a part of the file under the first name that is free or already contains just that."""
         wanted = next(names)
-        aside = free_aside(wanted, _ASIDE_SUFFIX)
+        aside = free_aside(wanted, RECOVERING_SUFFIX)
+        file = DurableFile(aside, digested=True)  # locked until it has its name: another recorder removes what is not
         try:
-            repacked = self._repack_into(aside, extent)
+            repacked = self._repack_into(file, extent)
             # A file that already contains these frames is left from an interrupted recovery.
             free = (name for name in chain([wanted], names) if name != self._path)
             target = next(name for name in free if _is_free(name, signer) or _is_done(name, aside, signer))
@@ -395,25 +396,22 @@ class _Recovery:
                     write_signature(target, repacked.sha256, signer)
                 rename_durably(aside, target)
         finally:
+            file.close()
             with suppress(OSError):
                 aside.unlink(missing_ok=True)
         return target, repacked
 
-    def _repack_into(self, aside: Path, extent: _Extent) -> Repacked:
-        file = DurableFile(aside, digested=True)
-        try:
-            with opened(self._path) as whole:
-                source = Beginning(whole, extent.end)
-                scan = scan_file(self._path, source)
-                repacked = repack(scan, source, file, at=self._at, remark=extent.remark, from_bytes=extent.start)
-            file.sync()
-        finally:
-            file.close()
+    def _repack_into(self, file: DurableFile, extent: _Extent) -> Repacked:
+        with opened(self._path) as whole:
+            source = Beginning(whole, extent.end)
+            scan = scan_file(self._path, source)
+            repacked = repack(scan, source, file, at=self._at, remark=extent.remark, from_bytes=extent.start)
+        file.sync()
         if not repacked.chunks:
             raise NothingToRecoverError(self._path, reason=_NOTHING)
-        _inherit_owner(aside, self._path)
-        if _count_frames(aside) != repacked.frames:
-            raise FlightNotWrittenError(aside, reason="does not read back as it was written; check the disk")
+        _inherit_owner(file.path, self._path)
+        if _count_frames(file.path) != repacked.frames:
+            raise FlightNotWrittenError(file.path, reason="does not read back as it was written; check the disk")
         return repacked
 
 

@@ -7,6 +7,7 @@
 | `NAME_0001.mcap.begun`     | one whose head is being written; what a power cut leaves of it is removed         |
 | `NAME_0001.recovered.mcap` | what is whole of a damaged finished one; `.recovered-2` and so on for another     |
 | `NAME_0001.mcap.unproven`  | frames that a recovery did not sign; `.unproven-2` and so on. `*.mcap` misses it  |
+| with `.recovering` behind  | one that a recovery is writing; what a power cut leaves of it is removed, too     |
 
 Four digits sort by name for ten thousand segments, almost a week of one-minute ones; readers sort by number in any
 case.
@@ -54,6 +55,8 @@ _NAME = re.compile(
 
 PART_SUFFIX = ".part"
 BEGUN_SUFFIX = ".begun"
+RECOVERING_SUFFIX = ".recovering"
+_BEGUN_OR_RECOVERING = re.compile(r"(?P<of>.+)(?P<end>\.begun|\.recovering(-\d+)?)", re.ASCII | re.DOTALL)
 
 SESSION_RECORD = "session"
 ATTACHMENTS_RECORD = "attachments"
@@ -349,6 +352,15 @@ def claimed_place(path: Path) -> tuple[str, int] | None:
     """Parse any name of the table above: the recording and number that it claims; None if it claims none."""
     match = _NAME.fullmatch(path.name)
     return _place(match) if match else None
+
+
+def is_left_over(name: str) -> bool:
+    """Whether an interrupted write left a file of this name, unless somebody is at it now: nobody will look for it."""
+    match = _BEGUN_OR_RECOVERING.fullmatch(name)
+    if match is None:
+        return False
+    of = Path(match["of"])
+    return bool(parse_segment_name(of) if match["end"] == BEGUN_SUFFIX else claimed_place(of))
 
 
 def unproven_names(segment: Path) -> Iterator[Path]:

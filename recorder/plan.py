@@ -26,6 +26,7 @@ from flight_file.session import (
     PART_SUFFIX,
     Session,
     free_recording_name,
+    is_left_over,
     parse_segment_name,
     segment_path,
 )
@@ -196,7 +197,7 @@ def plan_recording(
         # mark` reports it if the folder cannot be used.
         with suppress(OSError):
             make_marks_folder(directory)
-    _remove_begun(directory)
+    _remove_left_over(directory)
     carried = {} if config.attach.panel or config.attach.camera else wiring.attachments
     return Plan(
         directory=directory,
@@ -302,14 +303,17 @@ def _free_name(directory: Path, at: ClockReading, wiring: Wiring, name: str | No
     return free_recording_name(directory, name or recording_name(at))
 
 
-def _remove_begun(directory: Path) -> None:
-    """Remove what a power cut left of segments without a picture, except those that a recorder is writing now."""
+def _remove_left_over(directory: Path) -> None:
+    """Remove what a power cut left of segments without a picture and of recoveries, except what is written just now.
+
+    A recovery begins anew; but its file may be deleted before there is room for that, and then nothing else would ever
+    remove what is left.
+    """
     with suppress(OSError):
-        for path in (directory / name for name in regular_names(directory) if name.endswith(BEGUN_SUFFIX)):
-            if parse_segment_name(path.with_name(path.name.removesuffix(BEGUN_SUFFIX))):
-                with suppress(FlightNotReadableError), claimed(path) as ours:
-                    if ours:
-                        path.unlink()
+        for path in (directory / name for name in regular_names(directory) if is_left_over(name)):
+            with suppress(FlightNotReadableError, OSError), claimed(path) as ours:
+                if ours:
+                    path.unlink()
 
 
 def _names(directory: Path) -> list[str]:

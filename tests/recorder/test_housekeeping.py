@@ -505,6 +505,27 @@ def test_segment_that_had_only_been_begun_is_removed(start_daemon: StartDaemon) 
     assert sorted(path.name for path in daemon.directory.glob("*.begun")) == names[1:]
 
 
+def test_what_a_killed_recovery_left_takes_no_room_for_ever(start_daemon: StartDaemon) -> None:
+    """Its file may have been deleted in its turn since; what is being recovered now stays, and a stranger's file."""
+    names = [
+        "20180504T120000Z_0000.mcap.recovering",
+        "20180504T120000Z_0001.mcap.unproven.recovering-2",
+        "20180504T120000Z_0002.recovered.mcap.recovering",
+        "notes.recovering",
+    ]
+    daemon = start_daemon()
+    daemon.feed(b"old")
+    daemon.finish()
+    for name in names:
+        (daemon.directory / name).write_bytes(bytes(100))
+    with claimed(daemon.directory / names[2]):
+        daemon = start_daemon()
+        daemon.feed(b"new")
+        daemon.finish()
+
+    assert sorted(path.name for path in daemon.directory.glob("*.recovering*")) == names[2:]
+
+
 def test_file_in_work_that_waits_for_room_goes_in_its_turn(tmp_path: Path, segment: bytes) -> None:
     """By its age and its hours like a finished one, but not if it is marked, in work, or does not wait."""
     disk, waiting = SmallDisk(tmp_path, 0), dict[str, Recorded]()
