@@ -28,7 +28,7 @@ import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from isal.isal_zlib import crc32
 
-from flight_file.thresholds import FREE_GROWTH_BYTES, GROWTH, MAX_CHUNK_BYTES
+from flight_file.thresholds import FREE_GROWTH_BYTES, GROWTH, MAX_CHUNK_BYTES, MAX_RECORDS
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")
@@ -375,9 +375,11 @@ def split_chunk(records: memoryview) -> Iterator[Channel | Message]:
     Raises
     ------
     DamagedRecordError
-        If the records do not fill the chunk.
+        If the records do not fill the chunk, or are more than a recorder or a converter writes.
     """
-    for opcode, content, _ in raw_records(records):
+    for number, (opcode, content, _) in enumerate(raw_records(records)):
+        if number >= MAX_RECORDS:
+            raise DamagedRecordError(f"a chunk holds more than {MAX_RECORDS} records")
         if opcode == Opcode.CHANNEL:
             yield parse_channel(content)
         elif opcode == Opcode.MESSAGE:

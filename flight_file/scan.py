@@ -41,7 +41,7 @@ from flight_file.records import (
     read_chunk,
 )
 from flight_file.session import ATTACHMENTS_RECORD, CHECKPOINT_RECORD, END_RECORD, SESSION_RECORD
-from flight_file.thresholds import BLOCK_BYTES, MAX_RECORD_BYTES
+from flight_file.thresholds import BLOCK_BYTES, MAX_RECORD_BYTES, MAX_RECORDS
 
 _ONCE = frozenset({SESSION_RECORD, ATTACHMENTS_RECORD, END_RECORD})
 
@@ -137,11 +137,17 @@ class _Walk:
         self._at_end = False
         self._found = FileScan(path=path, size_bytes=source.size, finished=_is_finished(source))
         self._unpacked_left = most_unpacked(source.size)
+        self._kept_left = MAX_RECORD_BYTES
+        self._records = 0
         self._search = _ChunkSearch(source)
 
     def run(self) -> FileScan:
         """Walk to the end of the data."""
         while not self._at_end and self._position < self._source.size:
+            if self._records > MAX_RECORDS + self._position // 2**10:  # each takes a KiB of memory
+                reason = "more records than a flight of its size has"
+                self._lose(self._position, self._source.size, reason, LossKind.DAMAGED)
+                break
             try:
                 self._step()
             except DamagedRecordError as error:
@@ -157,12 +163,15 @@ class _Walk:
         if take is None:
             raise DamagedRecordError(_OUTSIDE.get(opcode, "bytes that are no record of a flight"))
         start = self._position + RECORD_HEADER.size
-        if length > min(self._source.size - start, MAX_RECORD_BYTES):
+        if length > self._source.size - start:
             raise DamagedRecordError("the file ends inside a record")
+        if length > MAX_RECORD_BYTES:
+            raise DamagedRecordError(f"a record of more than {MAX_RECORD_BYTES // 2**20} MiB")
         try:
             take(self, start, length)
         except MisplacedRecordError as error:
             self._lose(self._position, start + length, str(error), LossKind.DAMAGED)
+        self._records += 1
         self._found.places[opcode].append((self._position, RECORD_HEADER.size + length))
         self._position = start + length
 
@@ -171,6 +180,12 @@ class _Walk:
         if len(content) < length:
             raise DamagedRecordError("the file ends inside a record")
         return memoryview(content)
+
+    def _keep(self, length: int) -> None:
+        """Count what stays in memory; raises DamagedRecordError if it is more than a box attaches."""
+        if length > self._kept_left:
+            raise DamagedRecordError(f"more than {MAX_RECORD_BYTES // 2**20} MiB of attachments and metadata")
+        self._kept_left -= length
 
     def take_header(self, start: int, length: int) -> None:
         if start != len(MAGIC) + RECORD_HEADER.size:
@@ -206,6 +221,7 @@ class _Walk:
             return
         if attachment.name in self._found.attachments:
             raise MisplacedRecordError(f"a second attachment {attachment.name!r}")
+        self._keep(length)
         self._found.attachments[attachment.name] = attachment
 
     def take_metadata(self, start: int, length: int) -> None:
@@ -215,6 +231,7 @@ class _Walk:
         elif name in _ONCE and name in self._found.metadata:
             raise MisplacedRecordError(f"a second record {name!r}")
         else:
+            self._keep(length)
             self._found.metadata[name] = items
 
     def take_data_end(self, start: int, length: int) -> None:

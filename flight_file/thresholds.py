@@ -18,8 +18,9 @@
 | PIXELS_ALWAYS_TRIED | 65 536 | px | fewer are not compared with the bytes | a small file is mostly headers |
 | MAX_SCANS | 20 | - | of a progressive JPEG | usual are ten, each over the whole picture |
 | FOCAL_LENGTHS_MM | 0.1, 10 000 | mm | shortest and longest lens | an endoscope's, an observatory's |
-| MAX_RECORD_BYTES | 1 | GiB | an MCAP record | a damaged length may claim more |
+| MAX_RECORD_BYTES | 80 | MiB | an MCAP record; all attachments and metadata of a file | a chunk, what a box attaches |
 | MAX_CHUNK_BYTES | 64 | MiB | a chunk, uncompressed | other writers end theirs at 4 MiB |
+| MAX_RECORDS | 150 000 | - | in a chunk; also outside, and one a KiB | more than other writers' 4 MiB can hold |
 | GROWTH | 1.5 | - | all chunks unpacked, relative to the file | pictures do not shrink |
 | FREE_GROWTH_BYTES | 0.5 | MiB | in addition | a small file is mostly headers |
 | MAX_UNPAIRED | 20 | - | half frames reported | the others are counted |
@@ -47,8 +48,9 @@ PNG_PIXELS_PER_BYTE = 256
 PIXELS_ALWAYS_TRIED = 2**16
 MAX_SCANS = 20
 FOCAL_LENGTHS_MM = (0.1, 10_000.0)
-MAX_RECORD_BYTES = 2**30
+MAX_RECORD_BYTES = 80 * 2**20
 MAX_CHUNK_BYTES = 2**26
+MAX_RECORDS = 150_000
 GROWTH = 1.5
 FREE_GROWTH_BYTES = 2**19
 MAX_UNPAIRED = 20

@@ -5,21 +5,25 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import struct
+import zlib
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from flight_file import scan
 from flight_file.errors import FindingKind, FlightNotWrittenError, LossKind, NotAFlightError, NothingToRecoverError
 from flight_file.files import DurableFile
 from flight_file.frame import CameraStatus, ClockReading, Frame
 from flight_file.reader import open_flight
-from flight_file.records import FileSource
+from flight_file.records import RECORD_HEADER, FileSource, Opcode
 from flight_file.salvage import Outcome, Recovery, recover_segment
 from flight_file.scan import scan_file
 from flight_file.session import EndRecord, Session
 from flight_file.signature import Signer, read_signature, write_signature
+from flight_file.thresholds import MAX_RECORD_BYTES, MAX_RECORDS
 from flight_file.verification import Verdict, verify
 from flight_file.writer import SegmentWriter
 from tests.flight_file.flights import MAGIC_BYTES, after, chunks, flipped, make_frame, telling_places, write_flight
@@ -337,6 +341,51 @@ def test_recovery_cut_off_before_the_part_was_removed_is_completed(flight: Path,
     assert first.path == second.path == flight
     assert list(flight.parent.iterdir()) == [flight]
     assert list(open_flight([flight]).frames()) == frames[:2]
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    """An MCAP record."""
+    return RECORD_HEADER.pack(opcode, len(content)) + content
+
+
+def attachment(name: bytes, size: int) -> bytes:
+    """An attachment of so many bytes that fits its CRC."""
+    content = struct.pack("<QQI", 0, 0, len(name)) + name + struct.pack("<IQ", 0, size) + bytes(size)
+    return record(Opcode.ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
+
+
+def chunk(records: bytes) -> bytes:
+    """A chunk of these records that fits its CRC."""
+    sizes = struct.pack("<IQ", 0, len(records))
+    return record(Opcode.CHUNK, struct.pack("<QQQI", 0, 0, len(records), zlib.crc32(records)) + sizes + records)
+
+
+BOMBS = {
+    "more attachments than a box has": lambda: b"".join(attachment(b"%d" % number, 90_000) for number in range(3)),
+    "an attachment that fills the memory": lambda: attachment(b"huge", 300_000),
+    "a chunk of too many messages": lambda: chunk(record(Opcode.MESSAGE, bytes(22)) * (MAX_RECORDS + 1)),
+    "too many records": lambda: record(Opcode.MESSAGE_INDEX, bytes(6)) * (MAX_RECORDS + 10_000),
+}
+SAID = {
+    "more attachments than a box has": "of attachments and metadata",
+    "an attachment that fills the memory": "a record of more than",
+    "a chunk of too many messages": "a chunk holds more than 150000 records",
+    "too many records": "more records than a flight of its size has",
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_what_was_made_to_fill_the_memory_is_a_loss(
+    flight: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """It is refused before it is kept, and what can be told from it is recovered."""
+    monkeypatch.setattr(scan, "MAX_RECORD_BYTES", 200_000 if "attachment" in name else MAX_RECORD_BYTES)
+    content, place = flight.read_bytes(), chunks(flight)[3].offset
+    recovery = recover_segment(as_left_behind(flight, content[:place] + BOMBS[name]() + content[place:-8]), at=AT)
+
+    found = list(open_flight([recovery.path]).frames())
+    assert found == (frames[:2] if name == "too many records" else frames)
+    assert [loss.reason for loss in recovery.losses if SAID[name] in loss.reason]
 
 
 def test_other_flight_under_the_name_is_never_replaced(flight: Path, frames: list[Frame]) -> None:
