@@ -435,15 +435,19 @@ class Salvager(threading.Thread):
             self._waiting.pop(path.name, None)
         except FlightFileError as error:
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
+            return
         except OSError as error:
             if not isinstance(error, FileNotFoundError):
                 self._postponed.append(path)
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=error.strerror)
-        except MemoryError:
-            reason = "it holds records that are larger than the memory; recover it on another machine"
-            self._journal.log.warning("segment_not_salvaged", path=str(path), reason=reason)
+            return
+        except MemoryError:  # said below: here its traceback still holds on to what filled the memory
+            pass
         else:
             self._journal.log.warning("segment_salvaged", path=str(path), became=became)
+            return
+        reason = "it holds records that are larger than the memory; recover it on another machine"
+        self._journal.log.warning("segment_not_salvaged", path=str(path), reason=reason)
 
     def _recovered(self, path: Path) -> str | None:
         """Recover a file; return what became of it, None if there is no room for that, or the quota is used up."""

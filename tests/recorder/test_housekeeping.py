@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -605,6 +606,30 @@ def test_what_cannot_be_salvaged_is_said_and_tried_again_when_there_is_room(
     assert reasons[0] == "there is no room for it now"
     assert "nothing that was recorded" in reasons[1]
     assert reasons[2] == "No such file or directory"
+
+
+def test_file_that_fills_the_memory_is_named_when_it_takes_none_any_more(tmp_path: Path) -> None:
+    """The log needs memory, too: while the failure is handled, what filled it is still held; the next one is tried."""
+    handled, log = list[object](), io.StringIO()
+
+    class Stream(io.StringIO):
+        def write(self, text: str) -> int:
+            handled.append(sys.exc_info()[0])
+            return log.write(text)
+
+    def recover(path: Path) -> str:
+        if path.name == "R_0000.mcap.part":
+            raise MemoryError
+        return "recovered"
+
+    salvager = Salvager(recover, free_bytes=lambda _path: None, journal=Journal(Stream()), waiting={})
+    salvager.start()
+    for number in range(2):
+        salvager.submit(tmp_path / f"R_000{number}.mcap.part")
+    eventually(lambda: "segment_salvaged" in log.getvalue())
+
+    assert "larger than the memory" in log.getvalue()
+    assert set(handled) == {None}
 
 
 @pytest.mark.parametrize("number", [errno.EDQUOT, errno.ENOSPC])
