@@ -6,6 +6,7 @@ is a bug and keeps its traceback.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -27,6 +28,8 @@ _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
     (CameraError, FAILED),
     (FlightFileError, FAILED),
 )
+# Of reading a file: the disk failed or something was used up, and at the next start it may be otherwise.
+_MAY_PASS = {errno.EIO, errno.ENODEV, errno.ESTALE, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN}
 # Name: module that has the click command under the same name, and the line for `recorder --help`.
 COMMANDS = {
     "run": ("recorder.run", "Record until stopped, or until a replay ends."),
@@ -57,10 +60,18 @@ def failures_as_sentences() -> Iterator[None]:
         yield
     except tuple(kind for kind, _ in _EXIT_CODES) as error:
         failure = _Failure(printable(str(error)))
-        failure.exit_code = next(  # type: ignore[misc]  # click reads it from the instance
-            code for kind, code in _EXIT_CODES if isinstance(error, kind)
-        )
+        failure.exit_code = _exit_code(error)  # type: ignore[misc]  # click reads it from the instance
         raise failure from error
+
+
+def _exit_code(error: Exception) -> int:
+    code = next(code for kind, code in _EXIT_CODES if isinstance(error, kind))
+    cause: BaseException | None = error
+    while code == WRONG_CONFIGURATION and cause is not None:
+        if isinstance(cause, OSError) and cause.errno in _MAY_PASS:
+            return FAILED
+        cause = cause.__cause__
+    return code
 
 
 class _LazyGroup(click.Group):

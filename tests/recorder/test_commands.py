@@ -195,6 +195,19 @@ def test_run_that_cannot_be_is_one_sentence(
     assert not list((tmp_path / "flights").glob("*.mcap*"))
 
 
+@pytest.mark.parametrize("unread", ["recorder.yaml", "attach", "evidence"])
+def test_run_whose_files_the_disk_does_not_give_is_started_again(write_config: WriteConfig, unread: str) -> None:
+    """Exit code 1, not 78, of a file that cannot be read just now: the next start may read it, and nobody is there."""
+    failing = "/proc/self/mem"  # a regular file whose first byte is an error of input
+    blocks = {"attach": {"attach": {"panel": failing}}, "evidence": {"evidence": {"key": failing}}}
+    config = write_config(**blocks.get(unread, {}))
+    result = recorder("run", "--config", failing if unread == "recorder.yaml" else config)
+
+    assert result.returncode == 1
+    assert "cannot be read (Input/output error)" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("modules", "heavy"),
     [
