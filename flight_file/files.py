@@ -331,7 +331,7 @@ def claimed(path: Path) -> Iterator[bool]:
 
 
 def in_work(path: Path) -> bool:
-    """Whether a process has the file in work; a missing file is not in work.
+    """Whether a process has the file in work; a missing file is not, nor is a link, a pipe or a folder.
 
     Raises
     ------
@@ -339,9 +339,9 @@ def in_work(path: Path) -> bool:
         If it may not be read.
     """
     with suppress(FileNotFoundError):
-        path.stat()
-        with claimed(path) as ours:
-            return not ours
+        if stat.S_ISREG(path.lstat().st_mode):
+            with claimed(path) as ours:
+                return not ours
     return False
 
 

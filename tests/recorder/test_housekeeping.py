@@ -203,6 +203,19 @@ def test_marks_folder_full_of_strange_things_keeps_nobody_waiting(tmp_path: Path
     assert READS_AT_ONCE - 1 <= said[0]["count"] <= READS_AT_ONCE
 
 
+@pytest.mark.parametrize("ending", [".part", ".begun"])
+def test_link_in_a_circle_that_is_named_like_a_file_in_work_blocks_no_deletion(tmp_path: Path, ending: str) -> None:
+    """A recorder's file in work is a file: what a link leads to is not asked for, however it fails."""
+    disk, rules = SmallDisk(tmp_path, 4), Rules(reserve_bytes=0, keep_ns=0, longest_ns=HOUR_NS)
+    retention = Retention(tmp_path, rules, free_bytes=lambda _path: MIB, journal=Journal(disk.log), read=disk.read)
+    loop = tmp_path / f"20180504T120000Z_0009.mcap{ending}"
+    loop.symlink_to(loop.name)
+
+    assert retention.make_room(disk_is_full=True)
+    assert disk.left() == [1, 2, 3]
+    assert loop.is_symlink()
+
+
 def test_directory_that_is_gone_needs_no_room(tmp_path: Path) -> None:
     """The writer notices it."""
     disk = SmallDisk(tmp_path / "gone", 0)
