@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.sorting import MAD_TO_SIGMA, median, median_of
+from decoder.imaging.thresholds import HALF
 from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.thresholds import FACE_NOISE_LEVELS, MAX_CONDITION, OUTLIER_SPREADS
 from decoder.panel.arrays import Floats, Mask, limited
@@ -247,6 +248,24 @@ def explained(left: Floats, weights: Floats) -> Floats:
     some = some[known > 0]
     spread = MAD_TO_SIGMA * float(median(some)) if some.size else 0.0
     return (off <= OUTLIER_SPREADS * max(spread, NOISE_LEVELS)).astype(np.float32)
+
+
+def shared_weights(apart: Floats, contrast: float) -> Floats:
+    """Weigh pixels by how little frames differ there in what they are to share, float32.
+
+    Shadows and reflections make frames differ everywhere. So weights drop only where frames differ by more than they
+    usually do, or by more than half of the contrast: frames that share nothing differ by about that.
+
+    Parameters
+    ----------
+    apart
+        Any shape: the usual difference between frames.
+    contrast
+        Standard deviation of what they share.
+    """
+    usual = max(NOISE_LEVELS, min(float(np.median(apart)), HALF * contrast))
+    weights: Floats = (usual**2 / (usual**2 + np.maximum(apart - usual, 0.0) ** 2)).astype(np.float32)
+    return weights
 
 
 def noise_between(pictures: Floats) -> float:

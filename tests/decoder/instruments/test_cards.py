@@ -372,3 +372,27 @@ def test_light_that_stands_still_over_a_card_is_not_taken_for_it() -> None:
         status, off, _ = off_deg(reader, draw_rose(turn_deg, 9), turn_deg)
         assert status is Status.READ
         assert off < 0.2
+
+
+def in_sun(frame: GreyPicture, number: int) -> GreyPicture:
+    """A frame with the shadow of a window post across it, and a bright window mirrored in the glass, each elsewhere."""
+    y, x = np.indices(frame.shape)
+    is_dial = np.hypot(x - CENTRE[0], y - CENTRE[1]) < 78.0
+    away_deg = 37.0 * number
+    across = (x - CENTRE[0]) * math.cos(math.radians(away_deg)) + (y - CENTRE[1]) * math.sin(math.radians(away_deg))
+    in_shadow = across > 50.0 * math.sin(2.1 * number)
+    is_mirrored = np.abs(across - 40.0 * math.cos(1.3 * number)) < 25.0
+    lit = frame * np.where(in_shadow, 0.6, 1.1) + 20.0 * is_mirrored
+    return np.clip(np.where(is_dial, lit, frame), 0, 255).astype(np.uint8)
+
+
+def test_card_is_read_under_shadows_and_reflections_that_move_over_all_of_it() -> None:
+    """Frames then differ everywhere by more than a camera's noise, but by less than the card's contrast."""
+    turns_deg = [3.0 + 22.5 * step for step in range(16)]
+    frames = [in_sun(draw(turn_deg, 100 + step), step) for step, turn_deg in enumerate(turns_deg)]
+    reader = reader_for([CARD], draw(PANEL_TURN_DEG, 1), frames)
+
+    found = [off_deg(reader, frame, turn_deg) for frame, turn_deg in zip(frames, turns_deg, strict=True)]
+
+    assert sum(status is Status.READ for status, _, _ in found) >= 14
+    assert max(off for status, off, _ in found if status is Status.READ) < 0.5

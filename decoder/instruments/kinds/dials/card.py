@@ -52,6 +52,7 @@ from decoder.matching.correlation import (
     is_singular,
     noise_between,
     products,
+    shared_weights,
     weighted_correlation,
 )
 from decoder.matching.pivot_search import ROW_DEG, card_pivot, card_rings, card_squeeze
@@ -389,8 +390,7 @@ def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None =
         middle[never_seen] = np.median(middle)
     card = middle.astype(np.float32)
     apart = MAD_TO_SIGMA * np.median([np.abs(seen - turned(card, rows)) for seen, rows in views], axis=0)
-    weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(apart - NOISE_LEVELS, 0.0) ** 2)
-    return CardPicture(card, weights.astype(np.float32))
+    return CardPicture(card, shared_weights(apart, float(card.std())))
 
 
 def _part_of_way_round(views: Sequence[tuple[Floats, float]], card: Floats) -> float:
