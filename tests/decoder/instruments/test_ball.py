@@ -101,6 +101,30 @@ def test_tube_that_is_drawn_beside_its_place_is_read_as_it_is_drawn(off_px: tupl
         assert abs(read - value) < min(0.045, 3.0 * sigma)
 
 
+def test_ball_is_found_in_changing_light_between_dark_ends_of_its_tube() -> None:
+    """In sun and shadow everything changes, and the tube's ends differ from its middle as much as the ball does."""
+
+    def lit(value: float, number: int) -> GreyPicture:
+        def over(canvas: Canvas) -> None:
+            for sign in (-1.0, 1.0):
+                canvas.bar(90.0 + sign * (HALF_DEG + 0.5), (RADIUS_PX - 12.0, RADIUS_PX + 12.0), (9, 9), 20.0, CENTRE)
+
+        frame = draw(value, 100 + number, over=over)
+        y, x = np.indices(frame.shape)
+        near = np.hypot(x - CENTRE[0], y - CENTRE[1] - RADIUS_PX) < 70.0
+        mirrored = 25.0 * ((x > CENTRE[0] + 30.0) == (number % 2 == 0)) * (number % 3 > 0)
+        return np.clip(np.where(near, 0.8 * frame + mirrored, frame), 0, 255).astype(np.uint8)
+
+    values = [0.5 * math.sin(1.3 * number) for number in range(16)]
+    frames = [lit(value, number) for number, value in enumerate(values)]
+    reader = fit_to_flight(reader_for([gauge()], lit(PANEL_VALUE, 1)), lambda _: frames).reader
+
+    for value, frame in zip(values, frames, strict=True):
+        status, read, _ = value_of(reader, frame)
+        assert status is Status.READ
+        assert abs(read - value) < 0.03
+
+
 def test_ball_that_is_covered_or_gone_is_missing() -> None:
     """Lines and ends of the tube are not taken for it, nor is a hand."""
     reader = fitted(gauge())

@@ -132,7 +132,7 @@ def _places(tube: _Tube, strips: Floats) -> Floats | None:
     """(F,): the rows of the ball's middle in frames (F, R, C); None where nothing moves.
 
     A tube looks mostly the same along its length, so where a pixel changes over the flight, the ball makes it differ
-    from that.
+    from that. In changing light everything changes, but its ends and lines differ from it in every frame.
     """
     middle = np.median(strips, axis=0)
     changes = MAD_TO_SIGMA * np.quantile(np.abs(strips - middle), 0.9, axis=0) > OUTLIER_SPREADS * NOISE_LEVELS
@@ -140,7 +140,9 @@ def _places(tube: _Tube, strips: Floats) -> Floats | None:
     if not changes[allowed].any():
         return None
     plain = np.median(strips[:, allowed], axis=(0, 1))
-    energy = (np.square(strips - plain) * changes).sum(axis=2)
+    differs = np.square(strips - plain) * allowed[:, None]
+    differs /= np.maximum(differs.mean(axis=(1, 2), keepdims=True), 1.0)
+    energy = ((differs - differs.min(axis=0)) * changes).sum(axis=2)
     half = max(round(tube.ball_rows / 2), 1)
     box = np.ones(2 * half + 1)
     sums = np.stack([np.convolve(own, box, mode="same") for own in energy])
