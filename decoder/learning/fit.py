@@ -34,18 +34,16 @@ from decoder.learning.drawn_points import (
     uneven_deg,
 )
 from decoder.learning.flight_appearance import (
-    finds_more,
-    is_lost,
     kept_where_better,
     learn_appearance,
     learn_hidden_looks,
     learn_likely_needles,
     lit_views,
-    missing_part,
 )
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_focus import as_sharp_as_frames
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
+from decoder.learning.missing import finds_more, is_lost, missing_part
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
     any_lift_is_off,
@@ -53,7 +51,7 @@ from decoder.learning.pivots import (
     estimate_pivots,
     lifts_missing,
 )
-from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces
+from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces, with_usual_dials
 from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.matching.thresholds import FAR_PART, REACH_PART
@@ -352,6 +350,7 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     reader = with_usual_place(reader, samples)
     views, found = lit_views(reader, samples), _read(reader, samples)
     reader, found = with_seen_faces(reader, views, found, lambda bared: _read(bared, samples))
+    reader, found = with_usual_dials(reader, views, found, lambda usual: _read(usual, samples))
     reader, found = learn_hidden_looks(reader, samples, views, found)
     learned = learn_appearance(reader, views, found)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())

@@ -20,6 +20,7 @@ from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
+from decoder.learning.missing import is_lost
 from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
@@ -156,33 +157,6 @@ def learn_hidden_looks(
         return reader, found
     reader = reader.with_appearance(replace(before, templates=templates, faces=tuple(faces)))
     return reader, _read(reader, samples)
-
-
-def is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
-    """Whether some value of a gauge is missing in most frames."""
-    return missing_part(gauge, found) > HALF
-
-
-def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
-    """Return the part of frames in which a gauge's value is missing; of several, the one missing most often."""
-    return max(_missing_parts(gauge, found), default=0.0)
-
-
-def finds_more(gauge: Gauge, before: Sequence[Readings], after: Sequence[Readings]) -> bool:
-    """Whether fewer values of a gauge are missing than before, and none is lost, or fewer than before.
-
-    So a bug that is lost either way does not count against a change that finds the card below it.
-    """
-    were, are = (_missing_parts(gauge, found) for found in (before, after))
-    were_lost, are_lost = (sum(part > HALF for part in parts) for parts in (were, are))
-    return sum(are) < sum(were) and (are_lost == 0 or are_lost < were_lost)
-
-
-def _missing_parts(gauge: Gauge, found: Sequence[Readings]) -> list[float]:
-    """Return for each quantity of a gauge the part of frames in which it is missing."""
-    together = () if gauge.combination is None else (gauge.combination.quantity,)
-    missing = [[own[each.name].status is Status.MISSING for own in found] for each in (*gauge.quantities, *together)]
-    return [sum(each) / max(len(found), 1) for each in missing]
 
 
 def _as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:

@@ -9,7 +9,7 @@ over a numeral, is found.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,9 +25,11 @@ from decoder.imaging.unwrapping import (
     same_rows,
     turn_rows,
 )
+from decoder.instruments.appearance import Appearance
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, CLEARLY_WORSE, FRAMES_TO_LEARN, NEEDLE_PART
+from decoder.learning.missing import finds_more, is_lost
 from decoder.learning.thresholds import NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews, face_behind
 from decoder.matching.needle_layer import layer_over
@@ -101,6 +103,52 @@ def _with_usual_faces(reader: PanelReader, views: LitViews, found: Found, kept: 
     if all(face is same for face, same in zip(faces, before.faces, strict=True)):
         return reader
     return reader.with_appearance(replace(before, faces=tuple(faces), templates=templates))
+
+
+def with_usual_dials(reader: PanelReader, views: LitViews, found: Found, read: Read) -> tuple[PanelReader, Found]:
+    """Take lost gauges' dials from the frames' median, where that finds more; return the reader's readings too.
+
+    The panel picture shows its own shadows and reflections as if they were print. Over these, needles are found in too
+    few frames to learn the dial without them. Geared hands are left out: the slow ones stay in the median themselves.
+    """
+    gauges, before = reader.source.panel.gauges, reader.appearance
+    own, wanted = reader.own_gauges, set[int]()
+    faces, templates = list(before.faces), dict(before.templates)
+    for index, (gauge, grid) in enumerate(zip(gauges, reader.grids, strict=True)):
+        seen = [view for view in views[index] if view is not None]
+        needles = _cut_needles(gauge) if gauge.combination is None else []
+        if isinstance(grid, PolarGrid) and needles and len(seen) >= FRAMES_TO_LEARN and is_lost(gauge, found):
+            wanted.add(index)
+            faces[index] = median_of(np.stack(seen)).astype(np.float32)
+            dial = _Dial(gauge, grid, templates, own[index], faces[index], faces[index])
+            templates |= {needle.name: _over(dial, faces[index], needle) for needle in needles}
+    while wanted:
+        again = reader.with_appearance(_of_gauges(wanted, gauges, before, tuple(faces), templates))
+        found_again = read(again)
+        better = {index for index in wanted if finds_more(gauges[index], found, found_again)}
+        if better == wanted:
+            return again, found_again
+        wanted = better
+    return reader, found
+
+
+def _of_gauges(
+    which: Collection[int],
+    gauges: Sequence[Gauge],
+    before: Appearance,
+    faces: Sequence[UnwrappedGauge],
+    templates: Mapping[str, NeedleTemplate],
+) -> Appearance:
+    """Return what was known `before`, with the faces and templates of some gauges replaced."""
+    names = {needle.name for index in which for needle in _cut_needles(gauges[index])}
+    return replace(
+        before,
+        faces=tuple(
+            face if index in which else known
+            for index, (face, known) in enumerate(zip(faces, before.faces, strict=True))
+        ),
+        templates={name: templates[name] if name in names else known for name, known in before.templates.items()},
+    )
 
 
 @dataclass(frozen=True, slots=True)

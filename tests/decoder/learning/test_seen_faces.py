@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -14,7 +14,8 @@ from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import FittedReader, fit_to_flight
 from decoder.learning.flight_appearance import lit_views
 from decoder.learning.seen_faces import with_seen_faces
-from tests.decoder.instruments.dials import Canvas, Hand, apart, paint, reader_for
+from decoder.panel.arrays import Floats, Mask
+from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, apart, paint, reader_for
 
 Fitted = tuple[FittedReader, list[Reading]]
 
@@ -201,3 +202,51 @@ def test_dim_needle_is_not_learned_anew_from_marks_beside_it() -> None:
 
     assert sum(reading.status is Status.READ for reading in found) >= 12
     assert all(reading.status is Status.MISSING or apart(reading.angle_deg, BUG_DEG) < 1.0 for reading in found)
+
+
+LONE = {
+    "name": "oil",
+    "radius": [36, 70],
+    "sweep": [300, 420],
+    "unit": "psi",
+    "scale": [[310, 100], [410, 0]],
+    "needles": [{"name": "oil_psi", "template": {"at": 384.0, "span": 20}}],
+}
+
+
+def oil(angle_deg: float, seed: int, mirrored: Callable[[Floats], Mask] | None = None) -> GreyPicture:
+    """Draws a thin needle over a dark dial, under glass that mirrors a window: where, by pixels right of the pivot."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.disc(CENTRE, 80.0, 25.0)
+        for mark in range(310, 411, 10):
+            canvas.bar(mark, (52, 68), (1.2, 1.2), 190.0)
+            canvas.bar(mark + 2.0, (44, 49), (1.8, 1.8), 170.0)
+        canvas.bar(angle_deg, (0, 70), (1.3, 1.3), 200.0)
+
+    frame = paint(what, seed=seed).astype(np.float64)
+    if mirrored is None:
+        return frame.astype(np.uint8)
+    y, x = np.indices(frame.shape)
+    is_dial = np.hypot(x - CENTRE[0], y - CENTRE[1]) < 80.0
+    light = 120.0 * (mirrored(x - CENTRE[0] + 0.9 * (y - CENTRE[1])) & is_dial)
+    return np.clip(frame + light, 0, 255).astype(np.uint8)
+
+
+def test_reflection_in_the_panel_picture_is_not_taken_for_print() -> None:
+    """A window mirrored across the dial there is elsewhere in frames, or nowhere: their median shows the dial."""
+    angles_deg = [320.0 + 5.0 * number for number in range(16)]
+    frames = [
+        oil(deg, 1 + number, None if number % 4 else lambda right, edge=4.0 * number: right > edge)
+        for number, deg in enumerate(angles_deg)
+    ]
+    panel = oil(384.0, 50, lambda right: right > 64.0)
+    reader = fit_to_flight(reader_for([LONE], panel), lambda _: frames).reader
+
+    found = [read_picture(reader, frame).readings["oil_psi"] for frame in frames]
+    is_read = [reading.status is Status.READ for reading in found]
+
+    assert sum(is_read) >= 8
+    assert all(
+        apart(reading.angle_deg, deg) < 1.0 for reading, deg, own in zip(found, angles_deg, is_read, strict=True) if own
+    )
