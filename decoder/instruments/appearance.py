@@ -104,6 +104,8 @@ class Appearance:
     least_at_home
         For each needle that seemed to stand still, the lowest score to be trusted exactly where it was cut. Print
         behind it, with the needle elsewhere, may match there too, but less well.
+    likely_print
+        Needles whose motion did not show while something else moved on their dials: never read.
     taught
         Indices in the panel of the instruments without needles that need not be learned again, since the flight would
         teach the same as long as they stay where they are. Windows always stay, wherever pivots are.
@@ -115,6 +117,7 @@ class Appearance:
     pictures: Mapping[str, LearnedPicture] = field(default_factory=dict)
     doubted: frozenset[str] = frozenset()
     least_at_home: Mapping[str, float] = field(default_factory=dict)
+    likely_print: frozenset[str] = frozenset()
     taught: frozenset[int] = frozenset()
 
     def look_of(self, index: int, gauge: Gauge) -> Look:

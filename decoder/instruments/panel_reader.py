@@ -305,6 +305,7 @@ class PanelReader:
                 if not self._needle_in_sight(frame, index, checked[needle.name]):
                     checked[needle.name] = replace(checked[needle.name], status=Status.MISSING)
         doubtful = {name for name in self.appearance.doubted if checked[name].score < SURE_SCORE}
+        doubtful |= self.appearance.likely_print
         together = {each.quantity.name for each in self.source.panel.combinations if doubtful.intersection(each.parts)}
         for name in doubtful | (together & self.appearance.doubted):
             checked[name] = replace(checked[name], status=Status.MISSING)

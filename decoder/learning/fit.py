@@ -22,6 +22,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.kind_table import kind_of
+from decoder.instruments.missing import finds_more, is_lost, missing_part
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, unwrapped
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
@@ -43,7 +44,6 @@ from decoder.learning.flight_appearance import (
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_focus import as_sharp_as_frames
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
-from decoder.learning.missing import finds_more, is_lost, missing_part
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
     any_lift_is_off,
@@ -54,6 +54,7 @@ from decoder.learning.pivots import (
 from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces, with_usual_dials
 from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
+from decoder.learning.unexplained import unexplained_gauges
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
@@ -84,6 +85,8 @@ class FittedReader:
         For each gauge whose needles turn elsewhere than the panel says: (x, y).
     unsettled
         Gauges whose pivots did not converge.
+    unexplained
+        Gauges on which something moves that their needles do not explain.
     squeezes
         For each gauge in the panel's order, how the view squeezes it, if it was squared up; else None.
     allowed
@@ -99,6 +102,7 @@ class FittedReader:
     uncertainties: Mapping[str, QuantityUncertainty]
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
+    unexplained: frozenset[str]
     squeezes: tuple[Squeeze | None, ...]
     allowed: tuple[Squeeze | None, ...]
     has_points: bool
@@ -131,6 +135,11 @@ class FittedReader:
                 f"turns {abs(x):.1f} px {'left' if x < 0 else 'right'} of and {abs(y):.1f} px"
                 f" {'above' if y < 0 else 'below'} the drawn centre, corrected"
                 f"{' with its marks: draw it there with `decode setup`' if self.has_points else '; its marks stay'}"
+            )
+        if gauge.name in self.unexplained:
+            yield (
+                "shows something that moves and is none of its needles: are its centre and all of its needles drawn"
+                " right? Needles that match less than very well, or whose own motion does not show, are not read"
             )
         for needle in gauge.turning:
             own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
@@ -203,9 +212,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         last = _learned(reader, samples, paths)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
     told = seen_from_pivots(gauges, paths, log_odds)
+    unexplained = unexplained_gauges(last.reader, lit_views(last.reader, samples), last.found)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
-        reader=_completed(last),
+        reader=_completed(last, unexplained),
         panel=source.panel.model_copy(update={"gauges": told}),
         uncertainties=quantity_uncertainties(
             source,
@@ -225,6 +235,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             if path.was_moved
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
+        unexplained=frozenset(unexplained),
         squeezes=_corrected(last.reader.source),
         allowed=allowed,
         has_points=log_odds > 0.0,
@@ -465,14 +476,20 @@ def _around_pivots(
     return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 
 
-def _completed(last: _Round) -> PanelReader:
+def _completed(last: _Round, unexplained: Mapping[str, frozenset[str]]) -> PanelReader:
     """Mark needles in the reader of which some matches are doubtful."""
     doubted, least = _doubted(last.found), dict[str, float]()
     for gauge in last.reader.source.panel.gauges:
         least |= least_at_home(gauge, last.found)
+        if gauge.name in unexplained:
+            told = () if gauge.combination is None else (gauge.combination.quantity,)
+            doubted |= {each.name for each in (*gauge.over_face, *told)}
     if not doubted and not least:
         return last.reader
-    return last.reader.with_appearance(replace(last.reader.appearance, doubted=doubted, least_at_home=least))
+    print_ = frozenset[str]().union(*unexplained.values())
+    return last.reader.with_appearance(
+        replace(last.reader.appearance, doubted=doubted, least_at_home=least, likely_print=print_)
+    )
 
 
 def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:

@@ -16,11 +16,11 @@ from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, turn_rows
 from decoder.instruments.appearance import Instrument, LearnedPicture
 from decoder.instruments.kind_table import kind_of
+from decoder.instruments.missing import is_lost
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
-from decoder.learning.missing import is_lost
 from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG

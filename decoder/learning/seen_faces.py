@@ -26,10 +26,10 @@ from decoder.imaging.unwrapping import (
     turn_rows,
 )
 from decoder.instruments.appearance import Appearance
+from decoder.instruments.missing import finds_more, is_lost
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, CLEAR_PART, CLEARLY_WORSE, FRAMES_TO_LEARN, NEEDLE_PART
-from decoder.learning.missing import finds_more, is_lost
 from decoder.learning.thresholds import NOISE_SPREADS, SEEN_PART
 from decoder.matching.faces import LitViews, face_behind
 from decoder.matching.needle_layer import layer_over

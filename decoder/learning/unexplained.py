@@ -1,0 +1,159 @@
+"""Dials on which something like a needle moves that no needle accounts for.
+
+Print may be taken for a needle and match perfectly in every frame, while the needle itself moves unseen. No score shows
+that; the rest of the dial does. Where the sample's frames differ from their median by a bar along a radius, and differ
+as much from the dial drawn with its needles where these were read, the readings do not explain what moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from decoder.imaging.sorting import median_of
+from decoder.imaging.thresholds import HALF
+from decoder.imaging.unwrapping import (
+    PolarGrid,
+    UnwrappedGauge,
+    opposite_rows,
+    row_of_angle,
+    same_rows,
+    turn_rows,
+)
+from decoder.instruments.appearance import Instrument
+from decoder.instruments.found import Needle, all_above
+from decoder.instruments.needle_learner import Readings
+from decoder.instruments.panel_reader import PanelReader
+from decoder.instruments.thresholds import FRAMES_TO_LEARN
+from decoder.matching.faces import LitViews
+from decoder.matching.layered_dial import DialComparison
+from decoder.matching.strips import rows_at
+from decoder.matching.thresholds import MIN_VIEWS, MOSTLY
+from decoder.panel.arrays import Floats
+from decoder.registration.thresholds import NOISE_LEVELS
+
+
+def unexplained_gauges(reader: PanelReader, views: LitViews, found: Sequence[Readings]) -> Mapping[str, frozenset[str]]:
+    """Find the gauges on which something moves, in most frames that show their needles, that these do not explain.
+
+    Parameters
+    ----------
+    views
+        By gauge and frame, from `lit_views`.
+    found
+        For each frame, the readings in it.
+
+    Returns
+    -------
+    By gauge, those of its needles whose own motion does not show either: they are likely print.
+    """
+    return dict(_unexplained(reader, views, found))
+
+
+def _unexplained(
+    reader: PanelReader, views: LitViews, found: Sequence[Readings]
+) -> Iterator[tuple[str, frozenset[str]]]:
+    parts = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, views, strict=True)
+    for index, (gauge, grid, face, own) in enumerate(parts):
+        if not isinstance(grid, PolarGrid) or not gauge.over_face:
+            continue
+        dial = Instrument(index, gauge, grid, face)
+        needles = [
+            Needle(each.name, index, gauge, grid, face, reader.appearance.templates[each.name])
+            for each in gauge.over_face
+        ]
+        shown = [
+            (view, readings)
+            for view, readings in zip(own, found, strict=True)
+            if view is not None and all(readings[needle.name].is_seen for needle in needles)
+        ]
+        if len(shown) >= FRAMES_TO_LEARN:
+            bars = _Bars.of(dial, needles, shown)
+            if bars.are_unexplained:
+                rows = [[row_of_angle(grid, own[needle.name].angle_deg) for _, own in shown] for needle in needles]
+                moving = zip(needles, rows, strict=True)
+                yield gauge.name, frozenset(each.name for each, own in moving if not bars.show(each, np.array(own)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Bars:
+    """By how much most columns of a dial differ along each row from those beside it, (F, R), grey levels.
+
+    `moving` is what differs from the median of the frames, `left` from the dial drawn with its needles.
+    """
+
+    moving: Floats
+    left: Floats
+
+    @classmethod
+    def of(cls, dial: Instrument, needles: Sequence[Needle], shown: Sequence[tuple[UnwrappedGauge, Readings]]) -> Self:
+        """Compare frames with their median, and with the dial drawn for each."""
+        seen = np.stack([view for view, _ in shown])
+        drawn = np.stack([_drawn(dial, needles, readings) for _, readings in shown])
+        usual = np.broadcast_to(median_of(seen), seen.shape)
+        width, tail = 2 * min(needle.half_width_rows for needle in needles), dial.grid.tail_columns
+        # A dial without print does not show its light before its needles are known.
+        light = DialComparison(dial.face, dial.grid.radii_px, [needle.template for needle in needles])
+        lit = (light.lit(seen, each[:, None])[:, 0] for each in (usual, drawn))
+        return cls(*(_bars((seen - each)[..., tail:], width) for each in lit))
+
+    @property
+    def are_unexplained(self) -> bool:
+        """Whether in most frames what moves most leaves as much when the needles are drawn."""
+        moving, left = self.moving.max(axis=1), self.left.max(axis=1)
+        return bool(((moving >= 3 * NOISE_LEVELS) & (left > HALF * moving)).mean() > MOSTLY)
+
+    def show(self, needle: Needle, rows: Floats) -> bool:
+        """Whether some frames, and more than not, show that a needle has moved to its rows (F,)."""
+        reach = math.ceil(needle.half_width_rows)
+        there = np.rint(rows).astype(np.intp)[:, None] + np.arange(-reach, reach + 1)
+        moving, left = (
+            np.take_along_axis(each, there.clip(0, each.shape[1] - 1), axis=1).max(axis=1)
+            for each in (self.moving, self.left)
+        )
+        shows = (moving >= 3 * NOISE_LEVELS) & (left <= HALF * moving)
+        return int(shows.sum()) >= MIN_VIEWS and shows.sum() > (left >= 3 * NOISE_LEVELS).sum()
+
+
+def _bars(levels: Floats, most_rows: float) -> Floats:
+    """(F, R): by how much most columns of levels (F, R, C) differ, along each row, from those beside it.
+
+    Light that changes slowly with the angle gives little, and so does print that fills less than half of the columns.
+    What was drawn as a needle may be far wider than the needle, so narrower bars are tried, too.
+    """
+    along = np.median(levels, axis=2)
+    bars = np.zeros(along.shape)
+    for part in (1.0, HALF, HALF**2):
+        width = 2 * math.ceil(part * most_rows / 2) + 1
+        kernel = np.repeat([-HALF, 1.0, -HALF], width) / width
+        inner = slice(len(kernel) // 2, along.shape[1] - len(kernel) // 2)
+        if inner.start >= inner.stop:
+            continue
+        own = np.abs([np.convolve(each, kernel, mode="valid") for each in along])
+        bars[:, inner] = np.maximum(bars[:, inner], own)
+    return bars
+
+
+def _drawn(dial: Instrument, needles: Sequence[Needle], readings: Readings) -> UnwrappedGauge:
+    """Draw a dial with its needles where they were read, the lowest first."""
+    picture, turn = dial.face.astype(np.float32), turn_rows(dial.gauge, dial.grid)
+    names = [needle.name for needle in needles]
+    for index in sorted(range(len(needles)), key=lambda own: -len(all_above(needles, names, own))):
+        template, row = needles[index].template, row_of_angle(dial.grid, readings[names[index]].angle_deg)
+        for there in same_rows(row, turn):
+            _draw(picture, template.light, template.transparency, there)
+        for there in opposite_rows(row, dial.grid):
+            _draw(picture, template.light[:, ::-1], template.transparency[:, ::-1], there)
+    return picture
+
+
+def _draw(picture: UnwrappedGauge, light: Floats, transparency: Floats, axis_row: float) -> None:
+    """Draw a needle (H, C) around a row on a picture (R, C), as far as it reaches there."""
+    top = axis_row - (len(light) - 1) / 2
+    rows = np.arange(max(math.ceil(top), 0), min(math.floor(top) + len(light), len(picture)))
+    if rows.size:
+        picture[rows] = rows_at(light, rows - top) + rows_at(transparency, rows - top) * picture[rows]

@@ -1,0 +1,99 @@
+"""Dials on which something like a needle moves that no needle accounts for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decoder.imaging.pictures import GreyPicture
+from decoder.instruments.panel_reader import read_picture
+from decoder.instruments.reading import Reading, Status
+from decoder.learning.fit import FittedReader, fit_to_flight
+from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, apart, paint, reader_for
+
+LINE_DEG, FIRST_DEG, LAST_DEG, FRAMES = 200.0, 230.0, 400.0, 16
+NEEDLE_DEG = np.linspace(FIRST_DEG, LAST_DEG, FRAMES)
+
+
+def speed(at_deg: float, aside_px: float = 0.0) -> dict[str, Any]:
+    """A gauge whose needle is cut at an angle, its centre drawn some pixels to the right."""
+    return {
+        "name": "speed",
+        "centre": [CENTRE[0] + aside_px, CENTRE[1]],
+        "radius": [20, 70],
+        "sweep": [120, 420],
+        "scale": [[120, 0], [420, 300]],
+        "needles": [{"name": "speed_kt", "template": {"at": at_deg, "span": 16}}],
+    }
+
+
+def dial(hands: Sequence[tuple[Hand, float]], seed: int = 0, glare_deg: float | None = None) -> GreyPicture:
+    """A dial with a printed line as long as a needle, under some hands, and maybe with glare over it."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(range(120, 421, 25))
+        canvas.bar(LINE_DEG, (20.0, 66.0), (3.0, 3.0), 200.0)
+        for mark in range(12):
+            canvas.bar(132.0 + 25 * mark, (44.0, 52.0), (3.0, 3.0), 120.0)
+        for hand, angle_deg in hands:
+            canvas.hand(hand, angle_deg)
+
+    picture = paint(what, seed=seed)
+    if glare_deg is None:
+        return picture
+    angle, (down, across) = np.radians(glare_deg), np.indices(picture.shape)
+    off_px = np.hypot(across - CENTRE[0] - 45 * np.cos(angle), down - CENTRE[1] - 45 * np.sin(angle))
+    return np.asarray(np.clip(picture + 90.0 * np.exp(-0.5 * (off_px / 18.0) ** 2), 0, 255), np.uint8)
+
+
+def fitted(gauge: dict[str, Any], panel: GreyPicture, frames: list[GreyPicture]) -> tuple[FittedReader, list[Reading]]:
+    """What is found of a gauge and its first needle."""
+    fit = fit_to_flight(reader_for([gauge], panel), lambda _: frames)
+    return fit, [read_picture(fit.reader, frame).readings[gauge["needles"][0]["name"]] for frame in frames]
+
+
+@pytest.mark.parametrize(
+    ("hand", "aside_px"),
+    [
+        (Hand(level=110.0), 0.0),
+        (Hand(tip=45.0), 0.0),
+        (Hand(root_half=8.0, tip_half=5.0), 0.0),
+        (Hand(), 10.0),
+    ],
+    ids=["dim", "short", "wide", "another-pivot"],
+)
+def test_print_drawn_as_a_needle_is_not_read_while_the_needle_moves(hand: Hand, aside_px: float) -> None:
+    """It matches itself perfectly in every frame, and only the rest of the dial tells that it is no needle."""
+    panel = dial([(hand, 300.0)])
+    fit, found = fitted(
+        speed(LINE_DEG, aside_px), panel, [dial([(hand, deg)], 1 + at) for at, deg in enumerate(NEEDLE_DEG)]
+    )
+    assert max(reading.score for reading in found) > 0.95
+    assert not any(reading.status is Status.READ for reading in found)
+    assert "none of its needles" in " ".join(fit.findings["speed"])
+
+
+def test_needle_is_read_beside_another_that_was_not_drawn() -> None:
+    """It moves itself, so it is no print, though something else does too."""
+    other = Hand(level=150.0, root_half=7.0, tip_half=7.0)
+    away_deg = np.roll(NEEDLE_DEG, 5)
+    frames = [
+        dial([(other, two), (Hand(), one)], 1 + at)
+        for at, (one, two) in enumerate(zip(NEEDLE_DEG, away_deg, strict=True))
+    ]
+    fit, found = fitted(speed(FIRST_DEG), frames[0], frames)
+    read = [(reading, deg) for reading, deg in zip(found, NEEDLE_DEG, strict=True) if reading.status is Status.READ]
+    assert len(read) >= FRAMES - 2
+    assert all(apart(reading.angle_deg, deg) < 1.0 for reading, deg in read)
+    assert fit.unexplained == {"speed"}
+
+
+def test_needle_that_stands_still_is_read_while_glare_moves_over_the_dial() -> None:
+    """Light that goes by is nothing like a needle."""
+    frames = [dial([(Hand(), 300.0)], 1 + at, glare_deg=deg) for at, deg in enumerate(NEEDLE_DEG)]
+    fit, found = fitted(speed(300.0), dial([(Hand(), 300.0)]), frames)
+    assert sum(reading.status is Status.READ for reading in found) >= FRAMES - 6
+    assert not fit.unexplained
