@@ -39,7 +39,7 @@ SEEN_STATUSES = (Status.READ, Status.EDGE, Status.HIDDEN)
 
 def fill_gaps(data: FlightData) -> FlightData:
     """Flag doubtful readings of covered needles and of hands without a common value, and fill what is missing."""
-    data = _doubted_together(_with_unsure_turns(_without_lone_turns(data)))
+    data = _doubted_together(_with_unsure_turns(_without_lone_turns(_without_chance(data))))
     by_name = {series.quantity.name: series for series in data.series}
     parts = {each.quantity.name: [by_name[part] for part in each.parts] for each in data.combinations}
     checked = {part for combination in data.combinations for part in combination.parts}  # they check each other
@@ -54,6 +54,26 @@ def fill_gaps(data: FlightData) -> FlightData:
     return replace(data, series=tuple(filled))
 
 
+def _without_chance(data: FlightData) -> FlightData:
+    """Refuse combined values whose pointers, where all of them show, contradict each other as often as they agree.
+
+    Then one of them is something else, or has another's name or marks, and where they agree they do so by chance.
+    """
+    by_name = {series.quantity.name: series for series in data.series}
+    for each in data.combinations:
+        series, parts = by_name[each.quantity.name], [by_name[part] for part in each.parts]
+        shows_all = np.all([part.has(Status.READ, Status.EDGE) for part in parts], axis=0)
+        against, agree = (int((shows_all & where).sum()) for where in (series.has(Status.MISSING), _valued(series)))
+        if against >= max(agree, FRAMES_TO_LEARN):
+            by_name[series.quantity.name] = _as_missing(series, _valued(series))
+    return replace(data, series=tuple(by_name.values()))
+
+
+def _valued(series: NeedleSeries) -> Mask:
+    """(N,): where a combined value was read."""
+    return series.has(Status.READ, Status.EDGE)
+
+
 def _without_lone_turns(data: FlightData) -> FlightData:
     """Refuse combined values with a hidden pointer that are whole turns off all frames in which every pointer shows.
 
@@ -66,7 +86,7 @@ def _without_lone_turns(data: FlightData) -> FlightData:
     by_name = {series.quantity.name: series for series in data.series}
     for each in data.combinations:
         series, parts = by_name[each.quantity.name], [by_name[part] for part in each.parts]
-        is_valued = series.has(Status.READ, Status.EDGE)
+        is_valued = _valued(series)
         shows_all = is_valued & np.all([part.has(Status.READ, Status.EDGE) for part in parts], axis=0)
         turn = parts[0].quantity.wraps
         if turn is None:

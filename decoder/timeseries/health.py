@@ -120,4 +120,7 @@ def _contradictions(data: FlightData, combination: Combination) -> Iterator[str]
     apart = ~_is_seen(whole) & np.all([part.has(Status.READ, Status.EDGE) for part in parts], axis=0)
     count, name = int(apart.sum()), combination.quantity.name
     if count:
-        yield f"its pointers contradict each other in {count} frames, where {name} is not read"
+        yield (
+            f"its pointers contradict each other, or agree by chance, in {count} frames, where {name} is not read: has"
+            " each of them its own name and marks?"
+        )

@@ -245,6 +245,19 @@ def test_hands_that_tell_no_value_together_are_not_read() -> None:
     assert data.series[0].value.tolist() == [25.0] * 4
 
 
+@pytest.mark.parametrize(("agreed", "valued"), [(4, False), (5, False), (6, True)])
+def test_value_whose_hands_contradict_each_other_as_often_as_they_agree_is_missing(
+    agreed: int, *, valued: bool
+) -> None:
+    """Two hands with each other's names agree in some frames, by chance, on a value that is thousands of feet off."""
+    flight = geared([42.0] * (5 + agreed), "r" * (5 + agreed), np.arange(5 + agreed) * 10**9)
+    both = flight.series[2]
+    at_odds = replace(both, status=np.where(np.arange(len(both.status)) < 5, CODE[Status.MISSING], both.status))
+    data = fill_gaps(replace(flight, series=(*flight.series[:2], at_odds)))
+
+    assert statuses(data, 2) == "m" * 5 + ("r" if valued else "m") * agreed
+
+
 TURNS: dict[str, tuple[list[float], str, str]] = {
     "two frames, half a turn off": ([20, 21, 72, 73, 24, 25], "rrhhrr", "rriirr"),
     "a frame right, and one turns off": ([20, 21, 22, 73, 24, 25], "rrhhrr", "rrrirr"),
