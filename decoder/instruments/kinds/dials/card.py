@@ -34,7 +34,7 @@ from decoder.instruments.appearance import (
     Still,
     needles_in_picture,
 )
-from decoder.instruments.kinds.dials.common_turns import common_turns
+from decoder.instruments.kinds.dials.common_turns import CommonTurns, common_turns
 from decoder.instruments.needle_lines import places_of
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
@@ -343,14 +343,15 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
 
     If a frame were turned back by a wrong turn that looks alike, the result would be no card, or one printed twice. So
     frames are turned back by the turns on which all of them agree, and those for which another turn is nearly as likely
-    are left out. The rest must share most of the result, which must match the panel picture at one place only.
+    are left out. The rest must share most of the result, which must match the panel picture at one place only, or
+    clearly at the place that all frames agree on with it: in uneven light it matches no place much better than others.
     It must be seen most of the way round: in a short arc regular marks are taken for each other, and numerals have no
     weight since they fit at no turn.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
     if len(lit) < FRAMES_TO_LEARN:
         return given
-    turns = common_turns(np.stack(lit), round(RIVAL_REACH_DEG / grid.step_deg), most_of_two=1.0 / CLEARLY_WORSE)
+    turns = _agreed(lit, grid)
     views = [
         (seen, rows) for seen, rows, is_clear in zip(lit, turns.rows.tolist(), turns.clear, strict=True) if is_clear
     ]
@@ -369,9 +370,26 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
     if _part_of_way_round(views, known.card) < HALF:
         return given
     off = CardReader(gauge, grid, known).lit_turn(given.card)
-    if float(known.weights.mean()) < HALF or off.score < LIKELY_SCORE or not off.is_alone:
+    matches = off.score >= LIKELY_SCORE and (off.is_alone or _is_agreed(off, given, lit, turns, grid))
+    if float(known.weights.mean()) < HALF or not matches:
         return given
     return CardPicture(turned(known.card, off.rows), known.weights)
+
+
+def _agreed(lit: Sequence[Floats], grid: PolarGrid) -> CommonTurns:
+    """Find the turns on which frames (P, C) agree."""
+    return common_turns(np.stack(lit), round(RIVAL_REACH_DEG / grid.step_deg), most_of_two=1.0 / CLEARLY_WORSE)
+
+
+def _is_agreed(off: Turn, given: CardPicture, lit: Sequence[Floats], turns: CommonTurns, grid: PolarGrid) -> bool:
+    """Whether frames (P, C) that agree on these turns clearly agree, too, that a card given has turned so far `off`."""
+    together = _agreed([given.card, *lit], grid)
+    both = turns.clear & together.clear[1:]
+    if not together.clear[0] or both.sum() < FRAMES_TO_LEARN:
+        return False
+    rows = together.rows[0] - together.rows[1:][both] + turns.rows[both]
+    off_deg = shortest((rows - off.rows) * grid.step_deg, FULL_CIRCLE_DEG)
+    return bool((np.abs(off_deg) <= RIVAL_REACH_DEG).all())
 
 
 def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None = None) -> CardPicture:
