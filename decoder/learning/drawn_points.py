@@ -19,7 +19,7 @@ import numpy as np
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
 from decoder.learning.pivot_path import PivotPath, Vector
-from decoder.learning.thresholds import HAND_PX
+from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale
@@ -32,7 +32,6 @@ PRIOR_LOG_ODDS = -3.0
 MIDDLE_STEPS = 4
 # With fewer marks than these, a panel is assumed to be drawn with ordinary care.
 ORDINARY_MARKS = 5
-
 Seen = Sequence[tuple[float, float]]
 """Of a gauge's needles: at which angle each is drawn, and where the panel picture shows it around its pivot."""
 
@@ -84,6 +83,58 @@ def uneven_deg(quantity: Quantity) -> float:
     beside_deg -= beside_deg.mean()
     spread_deg = math.sqrt(float(beside_deg @ beside_deg) / (len(beside_deg) - 1))
     return max(spread_deg, float(np.abs(beside_deg).max()) / 2)  # two sigma have to cover the worst
+
+
+def is_beyond_a_hand(off_deg: float) -> bool:
+    """Tell whether marks are further off than a careless hand misses them by."""
+    return abs(off_deg) > 3 * math.degrees(MOST_MARK_PART)
+
+
+def slips_deg(quantity: Quantity) -> Floats:
+    """(M,): how far each mark is off what its neighbours' spacing makes of it from both sides; 0 if a hand explains it.
+
+    A mark where the spacing changes fits one of its sides, and a scale that is a curve lies between the two. A mark
+    that fits neither has a mistyped value, or was clicked at another mark. Where only one side goes on, it has to be
+    off by twice as much. A scale that goes all the way round is even, see `uneven_deg`; with fewer than four marks,
+    nothing tells.
+    """
+    angles_deg, values = (np.array(each, np.float64) for each in zip(*quantity.marks, strict=True))
+    slips = np.zeros_like(angles_deg)
+    if quantity.wraps is not None or not quantity.is_measured:
+        return slips
+    paces_deg = np.diff(angles_deg) / np.diff(values)
+    for mark in range(1, len(slips) - 1):
+        beyond = [*paces_deg[max(mark - 2, 0) : mark - 1], *paces_deg[mark + 1 : mark + 2]]
+        if beyond:
+            least, most = min(beyond), max(beyond)
+            sides = [
+                _outside(
+                    angles_deg[mark] - angles_deg[beside], (values[mark] - values[beside]) * np.array([least, most])
+                )
+                for beside in (mark - 1, mark + 1)
+            ]
+            slip_deg = min(sides, key=abs) if sides[0] * sides[1] > 0.0 else 0.0
+            if is_beyond_a_hand(slip_deg * len(beyond) / 2):
+                slips[mark] = slip_deg
+    return slips
+
+
+def slip_findings(gauge: Gauge) -> Iterator[str]:
+    """Name each mark that does not fit its neighbours, for the person who drew it."""
+    needles = {needle.name for needle in gauge.turning}
+    scales = {quantity.marks: quantity for quantity in gauge.quantities if quantity.name in needles}
+    for quantity in scales.values():
+        for (_, value), slip_deg in zip(quantity.marks, slips_deg(quantity), strict=True):
+            if slip_deg:
+                yield (
+                    f"has a mark {value:g} that stands {abs(slip_deg):.1f} degrees off what its neighbours' spacing"
+                    " makes of it: sigma allows for that; check its value and its place with `decode setup`"
+                )
+
+
+def _outside(place: float, ends: Floats) -> float:
+    """Return how far a place is below (negative) or above the stretch between two ends; 0 within it."""
+    return place - float(np.clip(place, ends.min(), ends.max()))
 
 
 def marks_missed_px(gauges: Sequence[Gauge]) -> float:

@@ -29,9 +29,11 @@ from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.budget import Budget, budgets
 from decoder.learning.drawn_points import (
     PRIOR_LOG_ODDS,
+    is_beyond_a_hand,
     log_odds_of_points,
     middle_of_marks_px,
     seen_from_pivots,
+    slip_findings,
     uneven_deg,
 )
 from decoder.learning.flight_appearance import (
@@ -52,7 +54,6 @@ from decoder.learning.pivots import (
     lifts_missing,
 )
 from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces, with_usual_dials
-from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.learning.unexplained import unexplained_gauges
 from decoder.matching.thresholds import FAR_PART, REACH_PART
@@ -150,11 +151,12 @@ class FittedReader:
                     " allows for that; draw its middle line with `decode setup`"
                 )
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
-        if off_deg > 3 * math.degrees(MOST_MARK_PART):  # beyond what a careless hand misses marks by
+        if is_beyond_a_hand(off_deg):
             yield (
                 f"has marks {off_deg:.1f} degrees off even spacing, though a scale that goes all the way round is even:"
                 " sigma allows for that; is it seen from the side, or were they drawn from off their ring's middle?"
             )
+        yield from slip_findings(gauge)
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): uncertainty of a quantity's readings at these angles beyond that from their frames."""

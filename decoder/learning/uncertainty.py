@@ -22,7 +22,7 @@ from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import ANYWHERE, Reading, Status
 from decoder.instruments.thresholds import MIDDLE_PART
 from decoder.learning.budget import Cause
-from decoder.learning.drawn_points import marks_missed_px, uneven_deg
+from decoder.learning.drawn_points import marks_missed_px, slips_deg, uneven_deg
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.matching.needle_template import NeedleTemplate
@@ -80,6 +80,8 @@ class QuantityUncertainty:
         shows which of the two is where it points.
     bowed
         The quantity, if its scale may be bowed between its marks.
+    slips_deg
+        For each mark of its scale how far it is off what its neighbours make of it, if any is.
     """
 
     drawn_deg: float
@@ -93,6 +95,7 @@ class QuantityUncertainty:
     scale: Scale | None = None
     beside_deg: float = 0.0
     bowed: Quantity | None = None
+    slips_deg: Floats | None = None
 
     @property
     def allowed_deg(self) -> float:
@@ -110,6 +113,7 @@ class QuantityUncertainty:
             drawn_deg = np.hypot(drawn_deg * self._lever(angles_deg), self._missed_deg(angles_deg, self.zero_deg))
             if self.scale is not None:  # it may bend between its marks, or run straight
                 drawn_deg = np.hypot(drawn_deg, np.nan_to_num(self.scale.bends_deg(angles_deg)))
+                drawn_deg = np.hypot(drawn_deg, self._slipped_deg(angles_deg, self.scale))
             pivot_deg = self.pivot.sigma_deg(angles_deg, self.zero_deg, self.radius_px)
         if self.bowed is not None:
             drawn_deg = np.hypot(drawn_deg, Scale.of(self.bowed.marks).bowed_deg(angles_deg, self.bowed.bow_per_deg))
@@ -119,6 +123,14 @@ class QuantityUncertainty:
             Cause.VIEWED: np.full_like(angles_deg, self.seen_deg),
             Cause.PLACED: np.full_like(angles_deg, math.degrees(self.place_px / self.radius_px)),
         }
+
+    def _slipped_deg(self, angles_deg: Floats, scale: Scale) -> Floats:
+        """(N,): how far off values next to a mark may be that does not fit its neighbours; either may be wrong."""
+        if self.slips_deg is None:
+            return np.zeros_like(angles_deg)
+        after = np.clip(np.searchsorted(scale.angles_deg, angles_deg), 1, len(self.slips_deg) - 1)
+        slipped_deg: Floats = np.maximum(*np.abs([self.slips_deg[after - 1], self.slips_deg[after]]))
+        return slipped_deg
 
     def _missed_deg(self, angles_deg: Floats, zero_deg: float) -> Floats:
         """(N,): the error if marks and zero were seen from `missed_px` beside the pivot; larger at small radii."""
@@ -238,6 +250,7 @@ def _of_needle(
         drawn_deg=math.hypot(dial.drawn_deg, cut_deg, anywhere_deg),
         zero_deg=(first_deg + last_deg) / 2 if zero_deg is None else zero_deg,
         scale=None if quantity.wraps is not None else Scale.of(quantity.marks),
+        slips_deg=slips if (slips := slips_deg(quantity)).any() else None,
     )
 
 

@@ -15,7 +15,14 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.budget import Cause
-from decoder.learning.drawn_points import marks_missed_px, middle_of_marks_px, seen_from, uneven_deg
+from decoder.learning.drawn_points import (
+    marks_missed_px,
+    middle_of_marks_px,
+    seen_from,
+    slip_findings,
+    slips_deg,
+    uneven_deg,
+)
 from decoder.learning.fit import fit_to_flight
 from decoder.learning.pivot_path import PivotPath
 from decoder.learning.thresholds import HAND_PX
@@ -30,7 +37,7 @@ from decoder.learning.uncertainty import (
 from decoder.panel.arrays import Floats
 from decoder.panel.camera import parse_camera
 from decoder.panel.gauge import Gauge
-from decoder.panel.scale import Scale
+from decoder.panel.scale import Quantity, Scale
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.registration.pivot import Pivot
 from tests.decoder.cockpit import reader_of
@@ -254,6 +261,53 @@ def test_marks_that_were_clicked_on_a_ring_tell_its_middle(marks: int, *, is_tol
     assert middle_of_marks_px(even) is None
     found = middle_of_marks_px(clicked)
     assert (found == pytest.approx((-3.0, 4.0), abs=0.3)) if is_told else (found is None)
+
+
+EVEN = ((120.0, 40.0), (180.0, 60.0), (240.0, 80.0), (300.0, 100.0), (360.0, 120.0), (420.0, 140.0))
+
+
+@pytest.mark.parametrize(
+    "marks",
+    [
+        EVEN,
+        [(-1.6, -2.0), (42.0, -1.5), (90.0, -1.0), (135.0, -0.5), (180.0, 0.0), (225.0, 0.5), (270.0, 1.0)],
+        [(297, 35), (311, 40), (361, 60), (413, 80), (467, 100), (510, 120), (552, 140), (594, 160)],
+        [(150, 0), (152, 300), (164, 500), (202, 1000), (240, 1500), (278, 2000)],
+        [(100.0 * math.log10(value), value) for value in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)],
+        [(0.0, 0.0), (30.0, 10.0), (60.0, 20.0), (150.0, 30.0), (180.0, 40.0), (210.0, 50.0)],
+        EVEN[:3],
+    ],
+    ids=["even", "grows both ways", "airspeed", "tachometer", "curve", "one wide part", "three marks"],
+)
+def test_marks_of_uneven_scales_fit_their_neighbours(marks: Sequence[tuple[float, float]]) -> None:
+    """Nobody is told to check a scale whose spacing changes at a mark, or from mark to mark."""
+    assert not slips_deg(Quantity("speed_kt", "dial", "kt", tuple(marks), None, None, None)).any()
+
+
+@pytest.mark.parametrize(
+    ("mark", "drawn", "true_deg"),
+    [(2, (240.0, 98.0), 294.0), (3, (300.0, 110.0), 330.0), (3, (288.0, 100.0), 300.0), (1, (180.0, 50.0), 150.0)],
+    ids=["mistyped", "a ten too many", "another mark clicked", "at the end"],
+)
+def test_a_mark_that_fits_none_of_its_neighbours_is_told_and_doubted(
+    mark: int, drawn: tuple[float, float], true_deg: float
+) -> None:
+    """What is read next to it says how far it may be off, what is read elsewhere does not, and the mark is named."""
+    panel = reader_of().source
+    marks = (*EVEN[:mark], drawn, *EVEN[mark + 1 :])
+    wrong = tuple(each.model_copy(update={"scale": marks, "wraps": None}) for each in panel.panel.gauges)
+    at_deg = np.linspace(120.0, 420.0, 121)
+    after = _drawn_sigma_deg(uncertainties_of(panel, told=wrong)["speed_kt"], at_deg)
+    off = Scale.of(marks).values_at(at_deg) - Scale.of(EVEN).values_at(at_deg)
+    elsewhere = (at_deg < EVEN[mark - 1][0]) | (at_deg > EVEN[mark + 1][0])
+
+    slip_deg = slips_deg(wrong[0].quantities[0])
+    assert np.flatnonzero(slip_deg).tolist() == [mark]
+    assert slip_deg[mark] == pytest.approx(drawn[0] - true_deg, rel=0.01)
+    assert (np.abs(off) <= CONFIDENCE_SIGMAS * Scale.of(marks).steepest_at(at_deg, after) * after).all()
+    assert (after[elsewhere] < abs(slip_deg[mark]) / 2).all()
+    (said,) = slip_findings(wrong[0])
+    assert f"has a mark {drawn[1]:g} that stands {abs(slip_deg[mark]):.1f} degrees off" in said
 
 
 def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
