@@ -61,6 +61,7 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
+from decoder.panel.units import contrary_units
 from decoder.panel.vocabulary import Method
 from decoder.registration.aligner import Aligner
 from decoder.registration.frame_placer import UnwrappedFrame, UnwrappedPanel
@@ -157,6 +158,7 @@ class FittedReader:
                 " sigma allows for that; is it seen from the side, or were they drawn from off their ring's middle?"
             )
         yield from slip_findings(gauge)
+        yield from contrary_units((quantity.name, quantity.unit) for quantity in gauge.quantities)
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): uncertainty of a quantity's readings at these angles beyond that from their frames."""

@@ -7,6 +7,7 @@ Mass and volume of fuel are different kinds, because the density between them is
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from decoder.panel.arrays import Floats
@@ -104,3 +105,25 @@ def engine_stem_of(name: str) -> tuple[str, int]:
     """Split a name without its unit into its stem and the engine's number, 1 if there is none."""
     stem, number = re.fullmatch(r"(.+?)(?:_([1-9]))?", stem_of(name)).groups()  # type: ignore[union-attr]  # takes all
     return stem, int(number or 1)
+
+
+def contrary_units(columns: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Say which columns' names end in another unit than the one their values are in.
+
+    Parameters
+    ----------
+    columns
+        The name and the unit of each.
+    """
+    for name, unit in columns:
+        suffix = name.lower().rpartition("_")[2]
+        said, given = UNITS.get(suffix), UNITS.get(_plain(unit))
+        if said is None or given is None or said == given:
+            continue
+        is_alike = said.kind == given.kind
+        # `bus_a` is a bus, and `oil_deg` may well be a temperature.
+        if is_alike or not (len(suffix) == 1 or {said.kind, given.kind} == {"angle", "temperature"}):
+            yield (
+                f"gives {name} in {unit}, though that name says {suffix}: correct the name or the unit with"
+                " `decode setup`, or give the column to the gauge that shows it"
+            )

@@ -123,6 +123,24 @@ def test_what_is_cut_beyond_the_tip_and_stands_still_may_be_no_needle(
     assert (fitted.sigma_deg("speed_kt", np.array([250.0]))[0] < 2.0) == is_needle
 
 
+def test_a_gauge_whose_columns_name_says_another_unit_is_told_so() -> None:
+    """The health line names the column and both units, before anybody takes its values for knots."""
+
+    def frame(angle_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: dials.Canvas) -> None:
+            canvas.dial([130 + 28 * tick for tick in range(11)])
+            canvas.hand(dials.Hand(tip=60.0), angle_deg)
+
+        return dials.paint(what, seed=seed)
+
+    needle = {"name": "speed_kt", "template": {"at": 250.0, "span": 16}}
+    gauge = {"name": "dial", "unit": "fpm", "radius": [16, 70], "sweep": [120, 420], "scale": [[130, 0], [410, 100]]}
+    reader = dials.reader_for([{**gauge, "needles": [needle]}], frame(250.0, 1))
+    fitted = fit_to_flight(reader, lambda _: [frame(200.0, 2), frame(300.0, 3)])
+
+    assert [each for each in fitted.findings["dial"] if "gives speed_kt in fpm, though that name says kt" in each]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("missed_deg", [0.0, 1.2, -1.2])
 def test_needle_drawn_beside_its_middle_is_said_and_allowed_for(missed_deg: float) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decoder.panel.errors import UnitError
-from decoder.panel.units import UNITS, converted
+from decoder.panel.units import UNITS, contrary_units, converted
 from decoder.timeseries.flight_part import NS_PER_DAY, NS_PER_S, typed_time
 
 
@@ -34,6 +34,28 @@ from decoder.timeseries.flight_part import NS_PER_DAY, NS_PER_S, typed_time
 def test_equivalents(value: float, source: str, target: str, expected: float) -> None:
     """Values from the definitions; an unknown unit equals itself."""
     assert converted(np.array([value]), source, target) == pytest.approx([expected], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "said"),
+    [
+        ("asi_kt", "fpm", "kt"),
+        ("asi_kt", "mph", "kt"),
+        ("oil_temp_degF", "deg C", "degf"),
+        ("egt_c", "deg F", "c"),
+        ("flap_deg", "%", "deg"),
+        ("asi_kt", "knots", None),
+        ("oil_temp_deg", "deg C", None),
+        ("bus_a", "V", None),
+        ("turn_rate_norm", "standard rate", None),
+        ("thousands_ft", "furlong", None),
+        ("tach", "rpm", None),
+    ],
+)
+def test_a_name_that_says_another_unit_is_told(name: str, unit: str, said: str | None) -> None:
+    """Two names that were swapped, or a wrong unit, show in the name's end; a letter may be something else."""
+    found = list(contrary_units([(name, unit)]))
+    assert found == [] if said is None else f"gives {name} in {unit}, though that name says {said}" in found[0]
 
 
 @given(st.floats(-1e4, 1e4), st.sampled_from(sorted(UNITS)), st.sampled_from(sorted(UNITS)))
