@@ -118,6 +118,9 @@ def main() -> None:
         cli(prog_name="decode", standalone_mode=False)
     except click.exceptions.Exit as done:
         sys.exit(done.exit_code)
+    except click.exceptions.NoArgsIsHelpError as asked:
+        asked.show()
+        sys.exit(asked.exit_code)
     except click.UsageError as error:
         click.UsageError(printable(error.format_message()), error.ctx).show()
         sys.exit(error.exit_code)

@@ -158,6 +158,14 @@ def test_bad_pictures_cost_their_own_frames(
     assert gaps == [(2, 2), (5, 5), (7, 8)]
 
 
+@pytest.mark.parametrize("words", [[], ["calibrate"]], ids=["decode", "decode calibrate"])
+def test_a_command_without_a_word_shows_its_help(words: list[str]) -> None:
+    """The lines of its help as `--help` shows them, on stderr, for somebody who types it for the first time."""
+    bare, asked = ran("decode", *words), ran("decode", *words, "--help")
+    assert (bare.returncode, bare.stdout) == (2, "")
+    assert bare.stderr == asked.stdout
+
+
 def test_wrong_usage(tmp_path: Path) -> None:
     """A method that does not exist, and a call without a flight, end with 2."""
     assert ran("decode", A1, "--method", "guess", "-o", tmp_path).returncode == 2
