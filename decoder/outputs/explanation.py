@@ -12,11 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import TableError
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
+from decoder.registration.thresholds import SCORE_THRESHOLD
+from decoder.timeseries.gaps import SEEN_STATUSES
 from decoder.timeseries.health import WELL
 from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
 
@@ -35,7 +38,7 @@ CAUSE_WORDS = {
 }
 FRAME_WORDS = {
     Status.READ: "how sharp it and the panel are in this frame",
-    Status.EDGE: "how sharp it and the panel are in this frame, and what hides part of it",
+    Status.EDGE: "how sharp it and the panel are in this frame, and what may hide part of it",
     Status.HIDDEN: "how far it may be from its assumed place while it is hidden",
     Status.INTERPOLATED: "what it may have done between the frames in which it was seen",
 }
@@ -164,7 +167,8 @@ def explanation_text(told: Explanation) -> str:
     when = f"{told.time_utc}, {told.time_s} s" if told.time_utc else f"{told.time_s} s"
     lines = [f"{told.name} in frame {told.frame} ({when}): {told.status}"]
     if told.value:
-        score = f", score {told.score}" if told.score else ""
+        was_matched = told.status in (Status.READ.value, Status.EDGE.value)  # else it is the score of what was refused
+        score = f", score {told.score}" if told.score and was_matched else ""
         lines.append(f"  value    {told.value} {told.unit}".rstrip() + score)
     if told.sigma is not None:
         decimals = len(told.value.partition(".")[2])
@@ -219,8 +223,10 @@ def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignment
     if not description:
         beside = flight.table.path.with_suffix(".json").name
         yield f"nothing is known of the gauge and of where its uncertainty comes from: put {beside} next to the CSV"
-    for run in _runs(description.get("missing_frames"), frame):
+    lost = _runs(description.get("missing_frames"), frame)
+    for run in lost:
         yield f"the frame could not be read: {run.get('reason', 'no reason is known')}"
+    yield from _unseen(flight, name, row, None if lost else status)
     if status in (Status.INTERPOLATED, Status.MISSING, Status.HIDDEN):
         yield from _seen_around(flight, name, row)
     if alignments is not None and row < len(alignments.columns.get("alignment_score", ())):
@@ -235,6 +241,48 @@ def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignment
         if run.get("needle") == name:
             yield f"{run.get('what')}: {run.get('words')}"
     yield from _cross_checks(description.get("cross_checks"), name, frame)
+
+
+def _unseen(flight: FlightTable, name: str, row: int, status: Status | None) -> Iterator[str]:
+    """Say why it was not seen in a frame that could be read, and not interpolated where it has no value."""
+    if status in (Status.INTERPOLATED, Status.MISSING):
+        yield from _refused(flight, name, row)
+    if status is Status.MISSING:
+        yield from _without_line(flight, name, row)
+
+
+def _refused(flight: FlightTable, name: str, row: int) -> Iterator[str]:
+    """Say what was seen in its place, and why that was not taken for it, as far as its score tells."""
+    score = float(flight.table.numbers(f"{name}_score")[row])
+    if score == 0.0:
+        yield "its gauge was not found in this frame, or is not whole in it"
+    elif score < SCORE_THRESHOLD:
+        yield (
+            f"nothing there looked enough like it: the best match has a score of {score:.4f}, where {SCORE_THRESHOLD:g}"
+            " is needed; glare, a hand or blur may hide it"
+        )
+    elif flight.described(name).written is not None and math.isfinite(score):
+        yield f"what looked most like it, with a score of {score:.4f}, was not clear enough to tell what it shows"
+    elif math.isfinite(score):
+        yield (
+            f"what looked most like it, with a score of {score:.4f}, was not taken for it: something else there looks"
+            " as much like it, such as print, a tail or another needle, or what else is read contradicts it"
+        )
+
+
+def _without_line(flight: FlightTable, name: str, row: int) -> Iterator[str]:
+    """Say why a value that is missing was not interpolated, where the table shows it."""
+    statuses = flight.table.columns[name + STATUS_SUFFIX]
+    seen = np.flatnonzero(np.isin(statuses, [status.value for status in SEEN_STATUSES]))
+    if flight.described(name).written is not None:
+        yield "not interpolated: there is nothing between two states"
+    elif seen.size and not seen[0] < row < seen[-1]:
+        yield f"not interpolated: it was not seen {'before' if row < seen[0] else 'after'} this frame"
+    elif seen.size < HALF * len(statuses):
+        yield (
+            f"not interpolated: it was seen in {seen.size} of {len(statuses)} frames, and where it stood may be why it"
+            " was not seen in the others"
+        )
 
 
 def _seen_around(flight: FlightTable, name: str, row: int) -> Iterator[str]:

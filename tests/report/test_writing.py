@@ -105,16 +105,19 @@ def test_scattered_order_is_all_of_it(count: int) -> None:
 def test_flags_come_with_their_reasons() -> None:
     """Runs, not rows; each says what is known of why."""
     marks = {("n1_pct", row): Status.INTERPOLATED for row in (5, 6, 7)} | {("fuel_al_lb", 9): Status.HIDDEN}
+    marks |= {("ftit_c", 12): Status.EDGE}
     flags = find_flags(make_report(20, marks, {2: "knob not found (0.31)", 3: "knob not found (0.29)"}).data)
 
     assert [(flag.kind, flag.needle, flag.first, flag.last) for flag in flags] == [
         (Kind.LOST, "", 2, 3),
         (Kind.INTERPOLATED, "n1_pct", 5, 7),
         (Kind.HIDDEN, "fuel_al_lb", 9, 9),
+        (Kind.EDGE, "ftit_c", 12, 12),
     ]
     assert flags[0].reason == "knob not found (0.31)"
     assert "lowest score 0.50" in flags[1].reason
     assert flags[2].reason == "under fuel_fr_lb; it is given that needle's value"
+    assert "or its drawing leaves it unsure" in flags[3].reason
 
 
 def test_drawing_has_marks_where_the_panel_says() -> None:

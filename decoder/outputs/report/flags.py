@@ -138,7 +138,7 @@ def _reason(series: NeedleSeries, kind: Kind, score: float, *, is_combined: bool
         return f"under {cover}; it is given that needle's value" if cover else "under another needle"
     if kind is Kind.EDGE:
         what = f"{cover}, glare or a bug" if cover else "another needle, glare or a bug"
-        return f"{what} covers a part; the rest matched (lowest score {score:.2f})"
+        return f"{what} covers a part and the rest matched, or its drawing leaves it unsure (lowest score {score:.2f})"
     end = "the value is on the line between its neighbours" if kind is Kind.INTERPOLATED else "there is no value"
     if is_combined:
         return f"a pointer was not seen, or they contradict each other; {end}"

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -79,6 +79,48 @@ def test_a_gap_is_told_with_what_was_seen_around_it(data: FlightData) -> None:
     assert "next seen in frame 26, at 6.500000 s" in text
     assert "what it may have done between the frames" in text
     assert "its gauge, n1: turns beside its centre" in text
+
+
+@pytest.mark.parametrize(
+    ("score", "words"),
+    [
+        ("0.5769", "nothing there looked enough like it: the best match has a score of 0.5769, where 0.8 is needed"),
+        ("0.9737", "what looked most like it, with a score of 0.9737, was not taken for it"),
+        ("0.0000", "its gauge was not found in this frame"),
+    ],
+)
+@pytest.mark.parametrize("status", [Status.MISSING, Status.INTERPOLATED])
+def test_why_it_was_not_seen_is_told_by_what_looked_most_like_it(
+    data: FlightData, score: str, words: str, status: Status
+) -> None:
+    """The score is that of what was refused, so it does not stand beside a value that lies on a line."""
+    flight = table_of(data)
+    columns = flight.table.columns
+    for suffix, text in (("_score", score), ("_status", status.value)):
+        flight = with_column(flight, NAME + suffix, (*columns[NAME + suffix][:8], text, *columns[NAME + suffix][9:]))
+    told = explained(flight, NAME, 8)
+
+    assert [remark for remark in told.remarks if words in remark]
+    assert f", score {score}" not in explanation_text(told)
+
+
+@pytest.mark.parametrize(
+    ("seen", "words"),
+    [
+        (range(20, 60), "not interpolated: it was not seen before this frame"),
+        (range(9), "not interpolated: it was not seen after this frame"),
+        ((*range(9), *range(50, 60)), "not interpolated: it was seen in 19 of 60 frames"),
+    ],
+)
+def test_why_a_missing_value_was_not_interpolated_is_told(data: FlightData, seen: Sequence[int], words: str) -> None:
+    """Nothing leads beyond what was seen, and little seen tells little."""
+    statuses = tuple(Status.READ.value if row in seen else Status.MISSING.value for row in range(60))
+
+    assert [
+        each
+        for each in explained(with_column(table_of(data), f"{NAME}_status", statuses), NAME, 10).remarks
+        if words in each
+    ]
 
 
 def test_a_lost_frame_is_told_with_its_reason(data: FlightData) -> None:
