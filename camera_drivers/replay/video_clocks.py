@@ -19,7 +19,7 @@ from flight_file.session import UNKNOWN
 CREATION, TIMECODE, FILE_DATE, GPS = "creation time", "timecode", "file date", "GPS time"
 CLOCKS = {"creation": CREATION, "timecode": TIMECODE, "gps": GPS}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_TIMECODE = re.compile(r"(\d\d):(\d\d):(\d\d)[:;](\d\d)")
+_TIMECODE = re.compile(r"([01]\d|2[0-3]):([0-5]\d):([0-5]\d)[:;](\d\d)")  # a counter that runs on past a day is no time
 _OFFSET = re.compile(r"([+-])(\d\d):(\d\d)")
 _SIGMA_NS = NS_PER_S // 2  # of a clock read to a second
 

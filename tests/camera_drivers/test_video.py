@@ -276,6 +276,18 @@ def test_a_time_that_cannot_be_is_refused(tmp_path: Path, believed: Believed, wo
     assert words in refusal(film(tmp_path / "a.mp4"), believed=believed)
 
 
+def test_a_timecode_that_ran_on_past_midnight_is_no_time_of_day(tmp_path: Path) -> None:
+    """A counter of 25 hours would begin a flight on the next day: it is listed, compared with nothing, and refused."""
+    path = film(tmp_path / "a.mov", metadata={**CAMERA, "timecode": "25:10:03:15"})
+    (original,) = open_source([path], rate_hz=None, clock=SimulatedClock(0)).identity.originals
+
+    assert original.facts["timecode"] == "25:10:03:15"
+    assert "clocks" not in original.facts
+    assert "its timecode is '25:10:03:15', which is no time; give --start" in refusal(
+        path, believed=Believed(clock="timecode")
+    )
+
+
 def test_another_codec_is_refused_with_the_command_that_converts_it(tmp_path: Path) -> None:
     """Only what Foxglove and the desk know is stored."""
     assert "ffmpeg -i a.mp4 -c:v libx264" in refusal(film(tmp_path / "a.mp4", codec="mpeg4"))
