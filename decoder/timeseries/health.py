@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from decoder.imaging.thresholds import HALF
 from decoder.instruments.reading import Status
 from decoder.learning.budget import Budget, Cause
-from decoder.panel.arrays import Floats
 from decoder.panel.scale import Combination, Scale, shortest
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries, PanelSigmaDeg
-from decoder.timeseries.thresholds import SMALLEST_PART
+from decoder.timeseries.thresholds import NEEDED_PART, SMALLEST_PART
 
 WELL = "drawn well"
 SEEN = "it is hard to see there"
@@ -95,22 +94,24 @@ def _of_series(series: NeedleSeries, shown: int) -> Iterator[str]:
     if seen < HALF * shown:
         where = CLEAR_NEEDLE if series.quantity.written is None else PLAINLY
         yield f"{name} is read in {seen} of {shown} frames: look at its gauge with `decode setup`, or draw it {where}"
-    elif (
-        series.quantity.written is None
-        and seen > 1
-        and not _moves(series.value[is_seen], series.sigma[is_seen], series.quantity.wraps)
-    ):
-        yield f"{name} hardly moves: the flight says little about its scale and its centre"
+    elif series.quantity.written is None and seen > 1 and not _moves(series, is_seen):
+        yield (
+            f"{name} hardly moves: the flight says little about its scale and its centre, and not that it is an"
+            " instrument"
+        )
 
 
 def _is_seen(series: NeedleSeries) -> NDArray[np.bool_]:
     return series.has(Status.READ, Status.EDGE, Status.HIDDEN)
 
 
-def _moves(values: Floats, sigmas: Floats, wraps: float | None) -> bool:
-    """Whether values change by more than each may be off."""
-    off = np.abs(shortest(values - values[0], wraps))
-    return bool(off.max() > CONFIDENCE_SIGMAS * np.median(sigmas))
+def _moves(series: NeedleSeries, is_seen: NDArray[np.bool_]) -> bool:
+    """Whether more values than chance explains lie further from most than each may be off, and than matters."""
+    values, wraps = series.value[is_seen], series.quantity.wraps
+    off = shortest(values - values[0], wraps)
+    beside = np.abs(shortest(off - np.median(off), wraps))
+    least = max(CONFIDENCE_SIGMAS * float(np.median(series.sigma[is_seen])), SMALLEST_PART * series.quantity.full_scale)
+    return bool((beside > least).mean() > 1.0 - NEEDED_PART)
 
 
 def _contradictions(data: FlightData, combination: Combination) -> Iterator[str]:

@@ -72,10 +72,20 @@ def flight_of(*series: NeedleSeries, combinations: tuple[Combination, ...] = ())
 
 @pytest.mark.parametrize(
     ("values", "wraps", "moves"),
-    [([5.0, 5.1, 4.95], None, False), ([5.0, 6.0, 5.0], None, True), ([99.95, 0.02, 0.1], 100.0, False)],
+    [
+        ([5.0, 5.1, 4.95], None, False),
+        ([5.0, 7.0, 5.0], None, True),
+        ([99.95, 0.02, 0.1], 100.0, False),
+        ([9.0, *[5.0] * 30], None, False),
+        ([*[5.0] * 20, *[5.8] * 10], None, False),
+        ([*[5.0] * 30, 7.0, 8.0], None, True),
+    ],
 )
 def test_needle_that_hardly_moves_is_named(values: list[float], wraps: float | None, moves: bool) -> None:  # noqa: FBT001
-    """It moves if its values differ by more than their possible errors, the short way round."""
+    """It moves if its values differ by more than their possible errors, the short way round, in more than a few frames.
+
+    A knob that was drawn as a gauge is read at one place, a little beside it where another light falls on it.
+    """
     (findings,) = gauge_health(flight_of(series_of(values, wraps=wraps)), {}).values()
 
     assert [each.split(":")[0] for each in findings] == ([] if moves else ["a hardly moves"])
