@@ -73,6 +73,12 @@ ROUNDS = 8
 FAR_ROUNDS = 3
 
 
+def mistakes(gauge: Gauge) -> Iterator[str]:
+    """Say what seems mistyped or mixed up in a gauge's description, which drawing it elsewhere would not mend."""
+    yield from slip_findings(gauge)
+    yield from contrary_units((quantity.name, quantity.unit) for quantity in gauge.quantities)
+
+
 @dataclass(frozen=True, slots=True)
 class FittedReader:
     """A reader fitted to a flight.
@@ -157,8 +163,7 @@ class FittedReader:
                 f"has marks {off_deg:.1f} degrees off even spacing, though a scale that goes all the way round is even:"
                 " sigma allows for that; is it seen from the side, or were they drawn from off their ring's middle?"
             )
-        yield from slip_findings(gauge)
-        yield from contrary_units((quantity.name, quantity.unit) for quantity in gauge.quantities)
+        yield from mistakes(gauge)
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): uncertainty of a quantity's readings at these angles beyond that from their frames."""

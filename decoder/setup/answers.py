@@ -217,6 +217,7 @@ def trial_answer(session: SetupSession, asked: TrialQuestion, stale: Stale) -> A
         "frames": [_frame(each, gauge, grid) for each in trial.frames],
         "moved": None if trial.moved_px is None else [round(at, PLACES) for at in trial.moved_px],
         "findings": trial.findings,
+        "mistakes": trial.mistakes,
         "anchors": _anchors(trial),
         "axes": {name: round(off_deg, PLACES) for name, off_deg in trial.axes_deg.items()},
         "height": height_inches(source, trial.moved_px),

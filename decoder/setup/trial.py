@@ -13,7 +13,7 @@ from decoder.imaging.pictures import FramePicture
 from decoder.imaging.unwrapping import PolarGrid
 from decoder.instruments.panel_reader import PanelReader, read_frame
 from decoder.instruments.reading import Reading, Status
-from decoder.learning.fit import fit_to_flight, reader_from_panel
+from decoder.learning.fit import fit_to_flight, mistakes, reader_from_panel
 from decoder.panel.errors import PictureError
 from decoder.panel.scale import Quantity, Scale, in_turn
 from decoder.panel.vocabulary import Method
@@ -62,6 +62,8 @@ class Trial:
         How far the axis of each needle, from all frames together, is from where it is drawn.
     are_points
         Whether its marks were probably drawn as places in the picture rather than as angles.
+    mistakes
+        Those findings that no better place of anything would mend.
     """
 
     frames: tuple[FrameTrial, ...]
@@ -69,6 +71,7 @@ class Trial:
     findings: tuple[str, ...]
     axes_deg: Mapping[str, float]
     are_points: bool = True
+    mistakes: tuple[str, ...] = ()
 
 
 def tried(source: RememberedPanel, frames: Sequence[tuple[int, FramePicture]], stale: Stale) -> Trial:
@@ -104,7 +107,7 @@ def tried(source: RememberedPanel, frames: Sequence[tuple[int, FramePicture]], s
         found.append(_frame(fitted.reader, index, frame, shown))
     axes_deg = _axes_deg(fitted.reader) if len(frames) > 1 else {}
     moved_px, findings = fitted.moved_px.get(gauge.name), fitted.findings[gauge.name]
-    return Trial(tuple(found), moved_px, findings, axes_deg, fitted.has_points)
+    return Trial(tuple(found), moved_px, findings, axes_deg, fitted.has_points, tuple(mistakes(gauge)))
 
 
 def _axes_deg(reader: PanelReader) -> dict[str, float]:

@@ -265,6 +265,27 @@ def test_a_taken_offer_keeps_marks_without_values(server: Running, open_page: Op
     page.unroute_all(behavior="ignoreErrors")
 
 
+def test_a_mistyped_mark_and_a_wrong_unit_are_told_beside_what_is_offered(
+    start: Start, open_page: OpenPage, tmp_path: Path
+) -> None:
+    """An offer mends where something is drawn; what was typed wrongly is told with it, and is gone once it is right."""
+    page = open_page(start(panel=None, save_as=tmp_path / "panel.yaml"))
+    hand = Hand(page)
+    page.locator("#outline li button", has_text="ftit").click()
+    hand.type_into("gauges[2].needles[0].template.at", "273.95")
+    expect(page.locator("#useaxis")).to_be_visible()
+    expect(page.locator("#health")).to_have_count(0)
+    hand.type_into("gauges[2].scale[3][1]", "580")
+    hand.type_into("gauges[2].unit", "deg F")
+    told = page.locator("#health")
+    expect(told).to_contain_text("The gauge has a mark 580 that stands")
+    expect(told).to_contain_text("The gauge gives ftit_c in deg F, though that name says c")
+    expect(page.locator("#useaxis")).to_be_visible()
+    for path, text in (("scale[3][1]", "500"), ("unit", "deg C")):
+        hand.type_into(f"gauges[2].{path}", text)
+    expect(told).to_have_count(0)
+
+
 def test_each_anchor_says_in_how_many_frames_it_is_found(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """An anchor on a needle, which moves, is red in the outline beside those that are good."""
     running = start(panel=None, save_as=tmp_path / "panel.yaml")

@@ -51,22 +51,24 @@ function take(store, index, gauge) {
   store.change("advice", (document) => { document.gauges[index].sweep = [...gauge.sweep]; }); // the same step back
 }
 
-// The cards of a gauge's offers; what the decoder would say of it where there are none.
+// The cards of a gauge's offers, and of what none of them mends; all that the decoder would say of it where there are none.
 export function advicePart(store, live, index) {
   const result = live.resultOf(index);
   if (!result || result.error) return null;
   const offers = offersOn(store, result, index);
-  const { findings = [] } = result;
-  const health = findings.length ? h("div", { class: "card offer small", id: "health" }, ...findings.map((each) => h("p", {}, `The gauge ${each}.`))) : null;
+  const { findings = [], mistakes = [] } = result;
+  const said = offers?.length ? mistakes : findings;
+  const health = said.length ? h("div", { class: "card offer small", id: "health" }, ...said.map((each) => h("p", {}, `The gauge ${each}.`))) : null;
   if (!offers) return h("p", { class: "quiet small", id: "advising" }, "Checking whether all frames would read better with a correction …");
   if (!offers.length) return health;
-  return offers.map(({ key, said, does, gain, gauge }) =>
+  const cards = offers.map(({ key, said: reason, does, gain, gauge }) =>
     h(
       "div",
       { class: "card offer small" },
-      h("p", {}, `${said}.`),
+      h("p", {}, `${reason}.`),
       h("p", { class: "quiet gain" }, `With it, over all frames: ${gain}.`),
       h("button", { id: IDS[key], onclick: () => take(store, index, gauge) }, does),
     ),
   );
+  return health ? [health, ...cards] : cards;
 }
