@@ -21,6 +21,7 @@ from decoder.instruments.reading import Status
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import OutputError, UnitError
 from decoder.panel.parameters import WORDS, parameter_of
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
 from decoder.panel.units import converted, engine_stem_of, stem_of
 from decoder.timeseries.tables import FlightTable, MappedName
 from flight_file.frame import NS_PER_S
@@ -91,6 +92,9 @@ COLUMNS: tuple[GarminColumn, ...] = (
     *(_of_engine(column, engine) for engine in range(1, ENGINES + 1) for column in _ENGINE.values()),
 )
 """All columns in their order in the log."""
+
+SIGNED = (_AIRCRAFT[WORDS["pitch"]], _AIRCRAFT[WORDS["roll"]])
+"""Angles to both sides of 0, also where a bank ring counts from 0 to 360."""
 
 BY_NAME = {column.name: column for column in COLUMNS}
 _BY_STEM = {stem: column for stems, column in _AIRCRAFT.items() for stem in stems}
@@ -183,6 +187,8 @@ def _values(flight: FlightTable, name: str, column: GarminColumn, mapped: Mapped
     own = mapped or MappedName(name=column.name)
     unit = own.unit or flight.described(name).unit
     values = converted(flight.table.numbers(name) * own.factor, unit, column.unit)
+    if column in SIGNED:
+        values = shortest(values, FULL_CIRCLE_DEG)
     return np.where(np.isin(flight.table.columns[f"{name}_status"], SEEN), values, np.nan)
 
 

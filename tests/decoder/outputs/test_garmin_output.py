@@ -71,6 +71,14 @@ def test_an_aircrafts_attitude_and_what_its_six_instruments_show_are_all_there(t
     }
 
 
+def test_bank_of_a_ring_that_counts_to_360_is_signed(tmp_path: Path) -> None:
+    """As a G1000 writes it: 357.5 is two and a half degrees of left wing down; a heading stays."""
+    lines = log(flight(tmp_path, {"roll_deg": [357.5, 20.0], "heading_deg": [357.5, 20.0]}, [0.0, 1.0]))
+    rows = [[float(cell) for cell in line.split(",")[6:]] for line in lines[3:]]
+
+    assert rows == [[-2.5, 357.5], [20.0, 20.0]]
+
+
 def test_last_word_of_a_name_tells_the_column_that_no_other_has(tmp_path: Path) -> None:
     """Of two headings, the log has the one whose whole name is that."""
     alone = plan(flight(tmp_path, {"hi_heading_deg": [10.0]}, [0.0]), {})
