@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -29,6 +31,7 @@ from decoder.outputs.outputs import Decoded, Write, write_all
 from decoder.panel.errors import PictureError
 from decoder.parallel.decoding import decoded_flight, known_flight, progress, written_flight
 from decoder.timeseries.flight_data import FlightData
+from flight_file.frame import Frame
 from flight_file.reader import open_flight
 from flight_file.untrusted import file_names, say
 
@@ -91,6 +94,7 @@ def command(
     near = [directory, directory.parent, Path(), flight.paths[0].parent]
     if data_directory is not None:
         decoded = written_flight(flight, data_directory, panel_file, camera_file, None)
+        decoded = replace(decoded, frames=partial(_of_data, decoded))
     elif (there := known_flight(flight, near, panel_file, camera_file, method)) is not None:
         decoded, folder = there
         say(f"readings from {folder / decoded.name}.csv")
@@ -104,6 +108,12 @@ def command(
     written = _write(decoded, rows, gauge_names, directory)
     say(f"{_counted(len(written), 'picture')} of {_counted(len(rows), 'frame')} in {directory}")
     end_with_losses(decoded.provenance.losses)
+
+
+def _of_data(decoded: Decoded) -> Iterator[Frame]:
+    """Yield the frames that are in the flight data: all, unless `decode` was given a part of the flight."""
+    known = set(decoded.data.frame.tolist())
+    return (frame for frame in decoded.frames() if frame.sequence in known)
 
 
 def _rows(data: FlightData, at_s: tuple[float, ...], step: int | None, *, wants_flagged: bool) -> Rows:

@@ -69,6 +69,15 @@ def test_readings_that_are_there_are_drawn_and_others_are_not(decoded_a2: Decode
     assert names == {path.name for path in (tmp_path / "given").iterdir()}
 
 
+def test_what_was_read_of_a_part_is_drawn(tmp_path: Path) -> None:
+    """Of every fourth frame, those that were asked for; the others are in no data, and no fault of the disk."""
+    ran("decode", A2, "-o", tmp_path / "part", "--every", "4")
+    done = ran("decode", "frames", A2, "-o", tmp_path / "out", "--at", "2", "--at", "2.9", "--data", tmp_path / "part")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert sorted(path.name.split("_")[2] for path in (tmp_path / "out").iterdir()) == ["000008", "000012"]
+
+
 def test_frame_without_panel_is_drawn_with_the_reason(
     tmp_path: Path, make_flight: MakeFlight, pictures: list[bytes], cover_knob: Callable[[bytes], bytes]
 ) -> None:
