@@ -160,7 +160,10 @@ def _advice(error: OSError) -> str:
     if isinstance(error, FileNotFoundError):
         return "there is no such file; check the name"
     if isinstance(error, IsADirectoryError):
-        return "is a directory; give the flight files in it"
+        return (
+            "is a directory; give the flight files in it, or make one of its photographs: recorder replay DIRECTORY -o"
+            " FLIGHT.mcap"
+        )
     return f"cannot be read ({error.strerror}); check the file and its permissions"
 
 

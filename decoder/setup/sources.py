@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -99,6 +100,12 @@ class SinglePicture:
         self.name = path.name
         try:
             self._encoded = read_regular(path, limit_bytes=MAX_READ_BYTES)
+        except IsADirectoryError as error:
+            command = shlex.join(["recorder", "replay", str(path), "-o", f"{path.resolve().name}.mcap"])
+            raise PictureError(
+                f"{path}: is a directory; name a flight or a picture in it, or make a flight of its photographs:"
+                f" {command}"
+            ) from error
         except OSError as error:
             raise PictureError(f"{path} cannot be read: {error.strerror}") from error
         try:

@@ -160,7 +160,9 @@ def read_table(path: Path, delimiter: str = ",") -> Table:
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             header, *rows = [row for row in csv.reader(stream, delimiter=delimiter) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise TableError(f"{path}: is not text, and so no table; give the CSV of the same name") from error
+    except (OSError, csv.Error) as error:
         raise TableError(f"{path}: cannot be read as CSV: {error}") from error
     if not rows:
         raise TableError(f"{path}: has no rows")

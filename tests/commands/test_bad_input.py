@@ -124,7 +124,7 @@ def test_wrong_panel_is_named(
         (["no.mcap"], "out", ["no.mcap"]),
         (["empty.mcap"], "out", ["empty.mcap", "empty"]),
         (["letter.mcap"], "out", ["letter.mcap", "MCAP"]),
-        (["."], "out", ["is a directory; give the flight files in it"]),
+        (["."], "out", ["give the flight files in it, or make one of its photographs: recorder replay"]),
         ([A1, A2], "out", ["thesis_a1.mcap", "thesis_a2.mcap", "different recordings"]),
         ([A1], "letter.mcap/out", ["out", "-o"]),
     ],

@@ -38,3 +38,14 @@ def test_camera_that_is_none_is_said(tmp_path: Path) -> None:
     camera.write_text("lens: none\n", encoding="utf-8")
 
     says(ran("decode", "setup", PICTURE, "--camera", camera, "--no-browser"), "camera.yaml")
+
+
+def test_a_folder_of_photographs_is_told_how_to_become_a_flight(tmp_path: Path) -> None:
+    """The command that makes one stands in the sentence, ready to be typed."""
+    folder = tmp_path / "my photographs"
+    folder.mkdir()
+    says(
+        ran("decode", "setup", folder, "--no-browser"),
+        f"decode: {folder}: is a directory",
+        f"recorder replay '{folder}' -o 'my photographs.mcap'",
+    )

@@ -130,7 +130,7 @@ def test_table_is_read_by_column(tmp_path: Path) -> None:
         (None, "cannot be read as CSV"),
         (b"frame,n1\n", "has no rows"),
         (b"frame,n1\n0,1,2\n", "its rows are not all as long as its header"),
-        (b"\xff\xfe\x00frame", "cannot be read as CSV"),
+        (b"\xff\xfe\x00frame", "is not text, and so no table; give the CSV of the same name"),
     ],
     ids=["no file", "header alone", "long row", "not text"],
 )
