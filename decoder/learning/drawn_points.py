@@ -22,6 +22,7 @@ from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
+from decoder.panel.parameters import CLOCKWISE, parameter_of
 from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale
 
 # How precisely people usually draw needles and marks, and how precisely the panel picture shows needles.
@@ -130,6 +131,19 @@ def slip_findings(gauge: Gauge) -> Iterator[str]:
                     f"has a mark {value:g} that stands {abs(slip_deg):.1f} degrees off what its neighbours' spacing"
                     " makes of it: sigma allows for that; check its value and its place with `decode setup`"
                 )
+
+
+def backward_findings(gauge: Gauge) -> Iterator[str]:
+    """Name each needle whose values fall clockwise although they rise on the dials of all makers."""
+    needles = {needle.name for needle in gauge.turning}
+    for quantity in gauge.quantities:
+        (_, first), *_, (_, last) = quantity.marks
+        shown = parameter_of(quantity.name)
+        if quantity.name in needles and shown in CLOCKWISE and last < first:
+            yield (
+                f"has values of {quantity.name} that fall clockwise, where {shown} rises on the dials of all makers:"
+                " are its marks numbered the wrong way round?"
+            )
 
 
 def _outside(place: float, ends: Floats) -> float:

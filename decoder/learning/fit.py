@@ -29,6 +29,7 @@ from decoder.instruments.thresholds import FRAMES_TO_LEARN
 from decoder.learning.budget import Budget, budgets
 from decoder.learning.drawn_points import (
     PRIOR_LOG_ODDS,
+    backward_findings,
     is_beyond_a_hand,
     log_odds_of_points,
     middle_of_marks_px,
@@ -76,6 +77,7 @@ FAR_ROUNDS = 3
 def mistakes(gauge: Gauge) -> Iterator[str]:
     """Say what seems mistyped or mixed up in a gauge's description, which drawing it elsewhere would not mend."""
     yield from slip_findings(gauge)
+    yield from backward_findings(gauge)
     yield from contrary_units((quantity.name, quantity.unit) for quantity in gauge.quantities)
 
 

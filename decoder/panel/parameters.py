@@ -28,6 +28,8 @@ WORDS: dict[str, tuple[str, ...]] = {
     "compass": ("compass",),
     "turn rate": ("turn_rate", "rate_of_turn"),
 }
+CLOCKWISE = ("airspeed", "true airspeed", "altitude", "vertical speed")
+"""What rises clockwise on the dials of all makers."""
 # Before the word, these mean that something other than the aircraft's own value is meant.
 OTHERS = {"bug", "commanded", "gps", "preset", "radio", "sel", "selected", "set", "standby", "target", "true", "wind"}
 

@@ -16,6 +16,7 @@ from decoder.imaging.planes import DialPlane
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import (
+    backward_findings,
     marks_missed_px,
     middle_of_marks_px,
     seen_from,
@@ -300,6 +301,19 @@ EVEN = ((120.0, 40.0), (180.0, 60.0), (240.0, 80.0), (300.0, 100.0), (360.0, 120
 def test_marks_of_uneven_scales_fit_their_neighbours(marks: Sequence[tuple[float, float]]) -> None:
     """Nobody is told to check a scale whose spacing changes at a mark, or from mark to mark."""
     assert not slips_deg(Quantity("speed_kt", "dial", "kt", tuple(marks), None, None, None)).any()
+
+
+@pytest.mark.parametrize("name", ["asi_kt", "altitude_ft", "vsi_fpm", "fuel_gal", "heading_deg"])
+@pytest.mark.parametrize("falls", [False, True])
+def test_an_aircrafts_speed_that_falls_clockwise_is_told(name: str, *, falls: bool) -> None:
+    """No maker numbers such a dial that way round; a fuel gauge may well be numbered so."""
+    gauge = reader_of().source.panel.gauges[0]
+    marks = tuple((angle_deg, -value) for angle_deg, value in EVEN) if falls else EVEN
+    needle = gauge.needles[0].model_copy(update={"name": name, "scale": None})
+    drawn = gauge.model_copy(update={"scale": marks, "wraps": None, "needles": (needle,)})
+
+    told = falls and name not in ("fuel_gal", "heading_deg")
+    assert [f"values of {name} that fall clockwise" in each for each in backward_findings(drawn)] == [True] * told
 
 
 @pytest.mark.parametrize(
