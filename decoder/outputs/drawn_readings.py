@@ -234,7 +234,7 @@ def drawn_reading(
     return DrawnReading(
         name=series.quantity.name,
         text=_text(series, index, decimals),
-        spread=_spread(float(series.sigma[index]), decimals) if series.quantity.is_measured else "",
+        spread=spread_text(float(series.sigma[index]), decimals) if series.quantity.is_measured else "",
         status=STATUSES[series.status[index]],
         score=float(series.score[index]),
         line_px=line_px,
@@ -253,8 +253,13 @@ def label_decimals(series: NeedleSeries) -> int:
     return value_decimals(series) - (series.quantity.written is None)
 
 
-def _spread(sigma: float, decimals: int) -> str:
-    return f"± {CONFIDENCE_SIGMAS * sigma:.{decimals}f}" if math.isfinite(sigma) else ""
+def spread_text(sigma: float, decimals: int) -> str:
+    """Write the half of a 95 % interval with at least one digit that is not 0, since no value is certain."""
+    spread = CONFIDENCE_SIGMAS * sigma
+    if not math.isfinite(spread):
+        return ""
+    needed = -math.floor(math.log10(spread)) if spread > 0.0 else 0
+    return f"± {spread:.{max(decimals, needed)}f}"
 
 
 def value_text(value: float, decimals: int, unit: str) -> str:

@@ -183,6 +183,15 @@ def test_states_and_texts_are_shown_and_given_as_flight_csv_has_them(open_report
         assert (row["n1_pct_sigma"], row["n2_pct_sigma"]) == ("", "")
 
 
+def test_an_interval_is_not_rounded_to_nothing(open_report: OpenReport) -> None:
+    """A value whose last digit is coarser than its interval still says how far it may be off."""
+    report = make_report(3)
+    series = tuple(replace(one, sigma=np.full(3, 0.00013)) for one in report.data.series)
+    page = open_report(written(replace(report, data=replace(report.data, series=series))))
+
+    expect(page.locator("#evidence-strip figure").first).to_contain_text("± 0.0003")
+
+
 def test_notes_and_a_sign_off_carry_the_hash_of_what_they_are_about(
     page: Page, content: bytes, open_report: OpenReport, tmp_path: Path
 ) -> None:

@@ -16,7 +16,7 @@ from decoder.imaging.alignment import IDENTITY, Alignment
 from decoder.instruments.kinds.dials.geared import told_together
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Reading, Status
-from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, DrawnReading, ReadingPlaces
+from decoder.outputs.drawn_readings import STATUS_COLOURS, DrawnGauge, DrawnReading, ReadingPlaces, spread_text
 from decoder.outputs.frame_picture import drawn, every, flagged, gauge_view, nearest, whole_view
 from decoder.panel.panel import Panel
 from decoder.timeseries.flight_data import FlightData, FlightDataBuilder
@@ -104,6 +104,22 @@ def test_combined_value_has_a_label_but_no_needle(document: dict[str, Any]) -> N
     assert [each.name for each in altimeter.readings] == ["al_lb", "fr_lb", "altitude_ft"]
     assert altimeter.readings[2].line_px is None
     assert altimeter.readings[2].text == "2500 ft"
+
+
+@pytest.mark.parametrize(
+    ("sigma", "decimals", "text"),
+    [
+        (0.13, 0, "± 0.3"),
+        (0.13, 2, "± 0.25"),
+        (2e-5, 2, "± 0.00004"),
+        (40.0, 0, "± 78"),
+        (0.0, 1, "± 0.0"),
+        (np.nan, 1, ""),
+    ],
+)
+def test_an_interval_is_not_rounded_to_nothing(sigma: float, decimals: int, text: str) -> None:
+    """A clock's 36798 s with a sigma of 0.13 are not certain to the second."""
+    assert spread_text(sigma, decimals) == text
 
 
 def test_needle_of_an_oblique_dial_follows_its_rim(document: dict[str, Any]) -> None:

@@ -1,5 +1,6 @@
 // Numbers and times as people read them.
 export const CONFIDENCE_SIGMAS = 1.96;
+const MOST_DECIMALS = 100; // that toFixed takes
 
 export const spreadOf = (needle, row) => CONFIDENCE_SIGMAS * needle.sigma[row];
 
@@ -19,9 +20,12 @@ export function writtenText({ written, decimals }, value) {
 
 export const isMeasured = (needle) => !needle.written || needle.written.type === "number";
 
+// With at least one digit that is not 0, since no value is certain.
 export function spreadText(needle, row) {
   const spread = spreadOf(needle, row);
-  return isMeasured(needle) && Number.isFinite(spread) ? `± ${spread.toFixed(needle.decimals)}` : "";
+  if (!isMeasured(needle) || !Number.isFinite(spread)) return "";
+  const needed = spread > 0 ? -Math.floor(Math.log10(spread)) : 0;
+  return `± ${spread.toFixed(Math.min(Math.max(needle.decimals, needed), MOST_DECIMALS))}`;
 }
 
 export function utcText(flight, row) {
