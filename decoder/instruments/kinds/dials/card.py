@@ -389,7 +389,7 @@ def _is_agreed(off: Turn, given: CardPicture, lit: Sequence[Floats], turns: Comm
         return False
     rows = together.rows[0] - together.rows[1:][both] + turns.rows[both]
     off_deg = shortest((rows - off.rows) * grid.step_deg, FULL_CIRCLE_DEG)
-    return bool((np.abs(off_deg) <= RIVAL_REACH_DEG).all())
+    return bool(np.isclose(off_deg, 0.0, atol=RIVAL_REACH_DEG).all())
 
 
 def shared(views: Sequence[tuple[Floats, float]], known_weights: Floats | None = None) -> CardPicture:
