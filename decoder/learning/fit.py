@@ -149,7 +149,7 @@ class FittedReader:
         if gauge.name in self.unexplained:
             yield (
                 "shows something that moves and is none of its needles: are its centre and all of its needles drawn"
-                " right? Needles that match less than very well, or whose own motion does not show, are not read"
+                " right? A needle that stands still there is not read"
             )
         for needle in gauge.turning:
             own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
@@ -492,12 +492,9 @@ def _completed(last: _Round, unexplained: Mapping[str, frozenset[str]]) -> Panel
     doubted, least = _doubted(last.found), dict[str, float]()
     for gauge in last.reader.source.panel.gauges:
         least |= least_at_home(gauge, last.found)
-        if gauge.name in unexplained:
-            told = () if gauge.combination is None else (gauge.combination.quantity,)
-            doubted |= {each.name for each in (*gauge.over_face, *told)}
-    if not doubted and not least:
-        return last.reader
     print_ = frozenset[str]().union(*unexplained.values())
+    if not doubted and not least and not print_:
+        return last.reader
     return last.reader.with_appearance(
         replace(last.reader.appearance, doubted=doubted, least_at_home=least, likely_print=print_)
     )

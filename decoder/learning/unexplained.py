@@ -28,7 +28,7 @@ from decoder.instruments.appearance import Instrument
 from decoder.instruments.found import Needle, all_above
 from decoder.instruments.needle_learner import Readings
 from decoder.instruments.panel_reader import PanelReader
-from decoder.instruments.thresholds import FRAMES_TO_LEARN
+from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
 from decoder.matching.faces import LitViews
 from decoder.matching.layered_dial import DialComparison
 from decoder.matching.strips import rows_at
@@ -49,7 +49,8 @@ def unexplained_gauges(reader: PanelReader, views: LitViews, found: Sequence[Rea
 
     Returns
     -------
-    By gauge, those of its needles whose own motion does not show either: they are likely print.
+    By gauge, those of its needles that stand still meanwhile: they are likely print. Hands that show one value are left
+    out, since they check each other.
     """
     return dict(_unexplained(reader, views, found))
 
@@ -59,7 +60,7 @@ def _unexplained(
 ) -> Iterator[tuple[str, frozenset[str]]]:
     parts = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, views, strict=True)
     for index, (gauge, grid, face, own) in enumerate(parts):
-        if not isinstance(grid, PolarGrid) or not gauge.over_face:
+        if not isinstance(grid, PolarGrid) or not gauge.over_face or gauge.combination is not None:
             continue
         dial = Instrument(index, gauge, grid, face)
         needles = [
@@ -108,7 +109,9 @@ class _Bars:
         return bool(((moving >= 3 * NOISE_LEVELS) & (left > HALF * moving)).mean() > MOSTLY)
 
     def show(self, needle: Needle, rows: Floats) -> bool:
-        """Whether some frames, and more than not, show that a needle has moved to its rows (F,)."""
+        """Whether a needle moves, or some frames, and more than not, show that it has moved to its rows (F,)."""
+        if (np.abs(rows - np.median(rows)) * needle.template.step_deg > APART_DEG).any():
+            return True
         reach = math.ceil(needle.half_width_rows)
         there = np.rint(rows).astype(np.intp)[:, None] + np.arange(-reach, reach + 1)
         moving, left = (
