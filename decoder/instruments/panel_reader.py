@@ -293,7 +293,7 @@ class PanelReader:
         return inside(grid.at(reading.angle_deg, 1).rim(), alignment, *frame.size_px)
 
     def _checked(self, frame: UnwrappedFrame, readings: Mapping[str, Reading]) -> dict[str, Reading]:
-        """Return the readings with those marked missing that belong to doubted needles and do not match well.
+        """Return the readings with those marked missing that are likely print, or doubted and do not match well.
 
         A doubted value of several hands is missing if one of them is: its score is that of the hands that show, but
         hidden ones may count its turns.

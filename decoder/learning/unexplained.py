@@ -76,8 +76,8 @@ def _unexplained(
             bars = _Bars.of(dial, needles, shown)
             if bars.are_unexplained:
                 rows = [[row_of_angle(grid, own[needle.name].angle_deg) for _, own in shown] for needle in needles]
-                moving = zip(needles, rows, strict=True)
-                yield gauge.name, frozenset(each.name for each, own in moving if not bars.show(each, np.array(own)))
+                pairs = zip(needles, rows, strict=True)
+                yield gauge.name, frozenset(each.name for each, at in pairs if not bars.show(each, np.array(at)))
 
 
 @dataclass(frozen=True, slots=True)
