@@ -43,14 +43,18 @@ def mixtures() -> tuple[Mixture, ...]:
 
 
 def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
-    """(R,) for each needle that the panel picture shows: the rows of its dial that it covers; none for a window."""
+    """(R,) for each needle that the panel picture shows: the rows of its dial that it covers; none for a window.
+
+    A needle drawn beside its dial's sweep covers none, and is left out.
+    """
     if not isinstance(grid, PolarGrid):
         return []
-    return [
+    covered = [
         np.abs(np.arange(grid.rows) - row_of_angle(grid, needle.at_deg)) * grid.step_deg <= needle.hides_deg / 2
         for needle in gauge.over_face
         if needle.at_deg is not None and needle.hides_deg is not None
     ]
+    return [rows for rows in covered if rows.any()]
 
 
 def rows_shown(gauge: Gauge, grid: Grid) -> list[Mask]:

@@ -270,6 +270,17 @@ def test_needle_that_luma_does_not_show_at_all_is_no_fault_of_the_panel() -> Non
     assert [each.path for each in problems_of(document, grey)] == ["gauges[0].needles[0].template"]
 
 
+def test_needle_drawn_beside_its_sweep_is_named_and_gives_no_warning() -> None:
+    """It covers no row of its dial, so there is nothing that grey or colours could show of it."""
+    needle = {"name": "rpm", "template": {"at": 360.0, "span": 16}}
+    gauge = {**GAUGES[0], "sweep": [120, 240], "scale": [[120, 0], [240, 300]], "needles": [needle]}
+    picture = draw(AT_DEG, RED, TEAL, 0)
+    grey = {"panel.jpg": grey_picture(picture)}
+
+    (problem,) = problems_of({**CONTENT, "gauges": [gauge]}, grey, None, {"panel.jpg": picture})
+    assert problem.path.startswith("gauges[0].needles[0].template")
+
+
 def test_first_rows_are_as_those_of_the_whole_picture() -> None:
     """A decoder that stops early gives the same colours, and the same as for people to look at."""
     (jpeg,) = [draw(AT_DEG, RED, TEAL, 1)]
