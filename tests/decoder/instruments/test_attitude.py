@@ -60,10 +60,12 @@ def draw(
     gain: float = 1.0,
     hand: float = 0.0,
     turns: tuple[float, float] = (1.0, 1.0),
+    glow: tuple[float, float] = (0.0, 0.0),
 ) -> GreyPicture:
     """Draws one: `plain` has only its line, no sky and ladder; a `hand` covers this part of the dial.
 
-    `turns` are the turns of the horizon, and of the direction of its shift, for one degree of bank.
+    `turns` are the turns of the horizon, and of the direction of its shift, for one degree of bank. `glow` is by how
+    many grey levels the light on its glass rises from the middle to the right and the lower rim of the window.
     """
 
     def what(canvas: Canvas) -> None:
@@ -91,7 +93,8 @@ def draw(
         if hand:
             levels[x < RIM_PX * (2 * hand - 1)] = 105.0
         dial = radius < RIM_PX + 4
-        canvas.picture[box][dial] = (levels * gain).clip(0, 255)[dial]
+        glowing = levels * gain + (x * glow[0] + y * glow[1]) / WINDOW_PX
+        canvas.picture[box][dial] = glowing.clip(0, 255)[dial]
 
     return paint(what, seed=seed)
 
@@ -186,6 +189,19 @@ def test_it_is_read_at_any_bank_and_inverted(
 ) -> None:
     """Bank and pitch are as drawn, all the way round, wherever the horizon is in sight, in half the light too."""
     assert_read(reader, draw(roll_deg, pitch_deg, 7, ring=ring, gain=gain), roll_deg, pitch_deg, 0.35)
+
+
+@pytest.mark.slow
+def test_light_that_falls_off_across_the_glass_hides_no_horizon() -> None:
+    """A sky mirrored in the glass, brighter on another side in each frame, costs no pitch, as long as a ring turns."""
+    rng = np.random.default_rng(3)
+    glows = [tuple(glow) for glow in rng.uniform(-45, 45, (28, 2)).tolist()]
+    attitudes = rng.uniform((-60, -16), (60, 16), (28, 2)).tolist()
+    frames = [draw(*both, 500 + at, glow=glow) for at, (both, glow) in enumerate(zip(attitudes, glows, strict=True))]
+    reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), frames[:16])
+
+    for frame, (roll_deg, pitch_deg) in zip(frames[16:], attitudes[16:], strict=True):
+        assert_read(reader, frame, roll_deg, pitch_deg, 0.35)
 
 
 @pytest.mark.parametrize("pitch_deg", [70.0, -70.0])

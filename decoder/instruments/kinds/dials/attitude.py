@@ -3,8 +3,9 @@
 What moves is one picture, larger than the window: it turns with bank, and then shifts with pitch along its own vertical
 axis. The coarse search correlates it, at every shift, with the window unwrapped around the dial's centre, by Fourier
 transforms along the rows for all turns at once. Least squares on the pixels there give fractions of a degree and of a
-pixel, and the uncertainty. A ring of marks around the window turns with bank alone, like a card. Where there is one,
-bank is read from it, and the horizon is searched for at the ring's turn only.
+pixel, and the uncertainty, together with the light: its strength, and how it falls off across the window. A ring of
+marks around the window turns with bank alone, like a card. Where there is one, bank is read from it, and the horizon is
+searched for at the ring's turn only.
 
 The picture is composed from frames, each turned and shifted back by its reading. What stands still in the window
 instead (an aircraft symbol, the frame, a reflection) is smeared out by that, and shows where frames differ.
@@ -39,7 +40,7 @@ from decoder.instruments.kinds.dials.card import CardReader, arc_deg, first_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_TURN_DEG
-from decoder.matching.correlation import explained, is_singular, products, weighted_correlation
+from decoder.matching.correlation import explained, is_singular, products, shared_weights, weighted_correlation
 from decoder.matching.needle_search import peaks_of
 from decoder.matching.pivot_search import SQUEEZE_AXES, card_squeeze
 from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_LIGHT_GAIN, MIN_VISIBLE
@@ -49,7 +50,7 @@ from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.scale import FULL_CIRCLE_DEG, Scale, in_turn
 from decoder.panel.vocabulary import Method
 from decoder.registration.pivot import UNKNOWN, Pivot
-from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, NOISE_LEVELS, SCORE_THRESHOLD
+from decoder.registration.thresholds import LIKELY_SCORE, MIN_SPREAD_LEVELS, SCORE_THRESHOLD
 
 HALF_TURN_DEG = FULL_CIRCLE_DEG / 2
 SEARCH_STEP_DEG = 2.0
@@ -108,6 +109,8 @@ class AttitudePicture:
         (P, C) float32, the window in the panel picture.
     origin
         The place of `horizon` in that window.
+    is_learned
+        Whether it was composed from frames; the panel picture shows all that lies over the horizon too.
     shift_turn
         How many degrees the direction of the shift turns per degree of the ring, from the panel or from a flight.
     """
@@ -119,17 +122,21 @@ class AttitudePicture:
     drawn: UnwrappedGauge
     shift_turn: float
     origin: Place = AS_DRAWN
+    is_learned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """A horizon in one frame: its place with sigmas, its light, and whether no other place matches as well."""
+    """A horizon in one frame: its place with sigmas, its light, and whether no other place matches as well.
+
+    `haze` (T,) are the terms of the light that is added to the picture, T as in `Attitudes.haze`.
+    """
 
     place: Place
     sigma_deg: float
     sigma_px: float
     gain: float
-    offset: float
+    haze: Floats
     score: float
     is_alone: bool
 
@@ -139,7 +146,7 @@ class Sight:
         return self.score >= SCORE_THRESHOLD and self.is_alone
 
 
-NOT_SEEN = Sight(AS_DRAWN, math.inf, math.inf, 1.0, 0.0, 0.0, is_alone=False)
+NOT_SEEN = Sight(AS_DRAWN, math.inf, math.inf, 1.0, np.zeros(1, np.float32), 0.0, is_alone=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +207,18 @@ class Attitudes:
         return replace(self.grid, inner_px=inner_px, columns=self.ring.stop - self.ring.start)
 
     @cached_property
+    def points_px(self) -> tuple[Floats, Floats]:
+        """(P, C) each: x and y of the window's samples around the dial's centre."""
+        angles = np.radians(self.grid.angle_deg(0) + self.grid.step_deg * np.arange(self.rows))
+        return _around(angles, self.grid.radii_px[: self.window])
+
+    @cached_property
+    def haze(self) -> Floats:
+        """(P, C, 3) float32, the terms of light that is added in the window: even, and rising across and down it."""
+        x, y = (each / self.grid.radii_px[self.window - 1] for each in self.points_px)
+        return np.dstack([np.ones_like(x), x, y]).astype(np.float32)
+
+    @cached_property
     def upright_deg(self) -> float:
         """How far the horizon is turned in the panel picture."""
         return self.own.horizon_turn * self.own.turned_deg(self.gauge)
@@ -227,6 +246,12 @@ class Attitudes:
         """Return how far the picture has moved to the right across its own vertical axis."""
         there, here = math.tan(self._slant(0.0)), math.tan(self._slant(place.turned_deg))
         return self.level_px * there - (self.level_px + place.down_px) * here
+
+    def in_even_light(self, strip: UnwrappedGauge, sight: Sight) -> Floats:
+        """(P, C): the window of a gauge (R, C) in the light of the picture."""
+        beyond = strip[: self.rows, : self.window] - self.haze[..., : len(sight.haze)] @ sight.haze
+        levels: Floats = beyond / sight.gain
+        return levels
 
     def up_px(self, place: Place) -> tuple[float, float]:
         """Return the height in the panel picture of the mark that is now at the centre, and its change per pixel.
@@ -308,9 +333,15 @@ class AttitudeReader:
         is_sure = turn.score >= SCORE_THRESHOLD and turn.is_alone
         return Seen(ring_deg, turn.sigma_rows * step_deg, turn.score, is_sure, sight)
 
-    def horizon_in(self, window: UnwrappedGauge, turned_deg: float) -> Sight:
-        """Find the horizon in a window (P, C) at the turn a ring would show; at any turn if there is no ring."""
-        return self._horizon.sight(window, None if self._ring is None else turned_deg)
+    def origin_in(self, window: UnwrappedGauge) -> Place | None:
+        """Return where the panel picture's window (P, C) shows the horizon, or None where it is not found.
+
+        What was composed began there, so it lies near, even if it matches elsewhere about as well. Only where no ring
+        shows which way is up, it may also have been composed upside down.
+        """
+        sight = self._horizon.sight(window, None if self._ring is None else 0.0)
+        is_near = sight.score >= LIKELY_SCORE and self._horizon.is_near(sight.place, AS_DRAWN)
+        return sight.place if sight.is_sure or (is_near and self._ring is not None) else None
 
     def _readings(self, seen: Seen) -> tuple[Reading, Reading]:
         own, sight, first_deg = self._own.own, seen.horizon, self._own.gauge.sweep[0]
@@ -338,14 +369,17 @@ class _HorizonReader:
 
     def __init__(self, own: Attitudes, picture: AttitudePicture) -> None:
         self._own, self._picture, grid = own, picture, own.grid
-        angles = np.radians(grid.angle_deg(0) + grid.step_deg * np.arange(own.rows))
         radii_px = grid.radii_px[: own.window]
-        self._points = np.dstack(_around(angles, radii_px / grid.column_px)).astype(np.float32)
+        self._points = (np.dstack(own.points_px) / grid.column_px).astype(np.float32)
         # samples further out cover more of the window
         self._weights = picture.weights * (radii_px / radii_px[-1]).astype(np.float32)
         # least squares use rows as far apart at the rim as columns are
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
+        # Light that falls off looks like a sky over its ground until it is known what lies over them. Where no ring
+        # shows which way is up, it would make a horizon match upside down.
+        terms = own.haze.shape[-1] if picture.is_learned and own.own.ring is not None else 1
+        self._haze = np.moveaxis(own.haze[:: self._stride, :, :terms], -1, 0)
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
         # The slope between two neighbours, half way between them, is that of the interpolated picture. Over two cells,
         # a sharp horizon would change half as fast, and every step of a fit would go too far.
@@ -377,6 +411,10 @@ class _HorizonReader:
             is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
         return replace(sight, is_alone=is_alone)
 
+    def is_near(self, place: Place, start: Place) -> bool:
+        """Whether two places belong to the same peak of the search."""
+        return self._search.is_near(place, start)
+
     def _knows(self, place: Place) -> bool:
         """Whether frames showed nearly all that the window would show at a place, so that it could match there."""
         known = self._weights * _at(self._picture.known, self._cells(place, 1))
@@ -384,15 +422,12 @@ class _HorizonReader:
 
     def still(self, views: Sequence[tuple[UnwrappedGauge, Sight]]) -> Floats:
         """(P, C): the weight of each place in the window, by how consistently frames show what moves there."""
-        shape = self._picture.weights.shape
         apart = [
-            (strip[: shape[0], : shape[1]] - sight.offset) / sight.gain
-            - _at(self._picture.horizon, self._cells(sight.place, 1))
+            self._own.in_even_light(strip, sight) - _at(self._picture.horizon, self._cells(sight.place, 1))
             for strip, sight in views
         ]
         spread = MAD_TO_SIGMA * median_of(np.abs(apart))
-        weights = NOISE_LEVELS**2 / (NOISE_LEVELS**2 + np.maximum(spread - NOISE_LEVELS, 0.0) ** 2)
-        return np.asarray(weights, np.float32)
+        return shared_weights(spread, float(self._picture.horizon.std()))
 
     def _centre(self, place: Place) -> tuple[float, float]:
         """Return the column and row of the picture that lie at the dial's centre."""
@@ -407,11 +442,11 @@ class _HorizonReader:
         return np.asarray(cells, np.float32)
 
     def _fitted(self, seen: Floats, place: Place, *, is_turn_known: bool) -> Sight:
-        """Fit gain, offset, shift and, where it is not known, turn, by least squares.
+        """Fit gain, haze, shift and, where it is not known, turn, by least squares.
 
         Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
         """
-        start, weights = place, self._thinned
+        start, weights, is_haze = place, self._thinned, slice(1, 1 + len(self._haze))
         for _ in range(FIT_STEPS):
             columns = self._columns(place, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
@@ -420,7 +455,7 @@ class _HorizonReader:
                 return NOT_SEEN
             inverse = np.linalg.inv(normal)
             solution = inverse @ (weighted @ seen.ravel())
-            gain, offset, *steps = solution.tolist()
+            gain, *steps = np.delete(solution, is_haze).tolist()
             if gain < MIN_LIGHT_GAIN:
                 return NOT_SEEN
             left = seen - (solution.astype(np.float32) @ columns).reshape(seen.shape)
@@ -431,16 +466,17 @@ class _HorizonReader:
             if math.hypot(step_px, turn_deg) < self._still_px:
                 break
             weights = self._thinned * explained(left, self._thinned)
-        sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[2:] / gain).tolist()
-        score = weighted_correlation(seen, left, self._thinned)
-        return Sight(place, math.degrees(sum(sigmas)), sigma_px, gain, offset, score, is_alone=True)
+        sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[is_haze.stop :] / gain).tolist()
+        haze = solution[is_haze].astype(np.float32)
+        score = weighted_correlation(seen - np.tensordot(haze, self._haze, 1), left, self._thinned)
+        return Sight(place, math.degrees(sum(sigmas)), sigma_px, gain, haze, score, is_alone=True)
 
     def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
-        """(3 or 4, N): the derivatives by gain, offset, shift and turn."""
+        """(K, N): the derivatives by gain, each term of haze, shift and, where it is not known, turn."""
         cells = self._cells(place, self._stride)
         levels = _at(self._picture.horizon, cells)
         up = _at(self._ups, cells - UP_HALF)
-        columns = [levels, np.ones_like(levels), up]
+        columns = [levels, *self._haze, up]
         if not is_turn_known:
             x_px, y_px = np.moveaxis((cells - self._centre(place)) * self._own.grid.column_px, -1, 0)
             columns.append(_at(self._rights, cells - RIGHT_HALF) * y_px + up * x_px)
@@ -647,10 +683,10 @@ def _put_together(
         if not np.isfinite(backs).any():
             return given
         horizon, shown = _composed(backs)
-        known = replace(known, horizon=horizon, known=shown)
+        known = replace(known, horizon=horizon, known=shown, is_learned=True)
         known = replace(known, weights=_HorizonReader(own, known).still(views))
-    drawn = AttitudeReader(own, known, ring).horizon_in(given.drawn, 0.0)
-    return replace(known, origin=drawn.place) if drawn.is_sure else given
+    origin = AttitudeReader(own, known, ring).origin_in(given.drawn)
+    return given if origin is None else replace(known, origin=origin)
 
 
 def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: Sight) -> Floats:
@@ -663,7 +699,7 @@ def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: S
     turned = np.degrees(np.arctan2(y, x)) + own.upright_deg + sight.place.turned_deg
     row = in_turn((turned - grid.angle_deg(0)) / grid.step_deg, rows)
     column = (np.hypot(x, y) - grid.inner_px) / grid.column_px
-    seen = np.where(weights > HALF, (strip[:rows, :columns] - sight.offset) / sight.gain, np.nan)
+    seen = np.where(weights > HALF, own.in_even_light(strip, sight), np.nan)
     shown = _at(np.concatenate([seen, seen[:1]]), np.dstack([column, row]))
     return np.where((column >= 0) & (column <= columns - 1), shown, np.nan)
 
