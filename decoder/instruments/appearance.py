@@ -238,6 +238,10 @@ class Still:
         """Return an empty list."""
         return []
 
+    def findings(self, _gauge: Gauge, _appearance: Appearance) -> Sequence[str]:
+        """Return nothing."""
+        return ()
+
 
 def needles_in_picture(drawn: DrawnInstrument) -> Look:
     """Cut an instrument's needles, if it has any, and reconstruct the dial below them.

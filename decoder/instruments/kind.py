@@ -89,3 +89,7 @@ class Kind(Protocol):
         Parts that never move are left out, and those for which one picture cannot tell, such as a card.
         """
         ...
+
+    def findings(self, gauge: Gauge, appearance: Appearance) -> Sequence[str]:
+        """Return what the flight showed to be otherwise than drawn, for the person who drew it."""
+        ...

@@ -135,6 +135,7 @@ class FittedReader:
                     f"is seen from about {squeeze.aside_deg:.0f} degrees aside, {what}: draw its `rim`, or the panel's"
                     " reference points, with `decode setup`"
                 )
+        yield from kind_of(gauge).findings(gauge, self.reader.appearance)
         if gauge.name in self.unsettled:
             yield (
                 "turns about another point than the drawn centre, but it is unsure which: sigma allows for that; is"

@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.unwrapping import PolarGrid, gauge_grid
-from decoder.instruments.kinds.dials.attitude import AttitudeReader, Attitudes, first_attitude, learn_attitude
+from decoder.instruments.kinds.dials.attitude import (
+    AttitudeKind,
+    AttitudeReader,
+    Attitudes,
+    first_attitude,
+    learn_attitude,
+)
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.panel.arrays import Floats
@@ -189,6 +195,54 @@ def test_it_is_read_at_any_bank_and_inverted(
 ) -> None:
     """Bank and pitch are as drawn, all the way round, wherever the horizon is in sight, in half the light too."""
     assert_read(reader, draw(roll_deg, pitch_deg, 7, ring=ring, gain=gain), roll_deg, pitch_deg, 0.35)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("window_px", "ring_px", "rim_px"), [(44, 46, 60), (40, 44, 52), (46, 47, 56)])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_ring_that_is_none_is_left_out(window_px: int, ring_px: int, rim_px: int, seed: int) -> None:
+    """Where sky and ground move on what was drawn as a ring, bank is read from the horizon alone, and it is said."""
+    described_ = described(ring=True) | {"radius": [4, rim_px]}
+    described_["attitude"] |= {"window": window_px, "ring": ring_px}
+    attitudes = np.random.default_rng(seed).uniform((-60, -14), (60, 14), (28, 2)).tolist()
+    frames = [draw(*both, 600 + at, ring=False) for at, both in enumerate(attitudes)]
+    reader = reader_for([described_], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=False), frames[:16])
+
+    for frame, (roll_deg, pitch_deg) in zip(frames[16:], attitudes[16:], strict=True):
+        assert_read(reader, frame, roll_deg, pitch_deg, 0.35)
+    (told,) = AttitudeKind().findings(reader.source.panel.gauges[0], reader.appearance)
+    assert told.startswith("bank is read from its horizon alone")
+
+
+@pytest.mark.slow
+def test_a_ring_that_turns_with_its_horizon_is_no_finding() -> None:
+    """It is read, and nothing is said of it."""
+    reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), flight(ring=True))
+
+    assert AttitudeKind().findings(reader.source.panel.gauges[0], reader.appearance) == ()
+
+
+@pytest.mark.slow
+def test_bank_is_as_unsure_as_a_reflection_along_the_horizon_makes_it() -> None:
+    """No ring tells it from a broad bright band nearly parallel to the horizon: intervals hold, and hide nothing."""
+    attitudes = np.random.default_rng(8).uniform((-45, -14), (45, 14), (28, 2)).tolist()
+    frames = [draw(*both, 700 + at, ring=False) for at, both in enumerate(attitudes)]
+    reader = reader_for([described(ring=False)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=False), frames[:16])
+    x, y = (at - middle for at, middle in zip(np.indices(frames[0].shape)[::-1], CENTRE, strict=True))
+    is_inside = []
+
+    for frame, (roll_deg, pitch_deg) in zip(frames[16:], attitudes[16:], strict=True):
+        for turned_deg, up_px in ((-20, -15), (-20, 15), (10, -15), (10, 0), (25, 0), (25, 15)):
+            way = math.radians(turned_deg - roll_deg)
+            off_px = x * math.sin(way) + y * math.cos(way) + up_px - pitch_deg * A_DEGREE_PX
+            band = np.where(np.hypot(x, y) < RIM_PX, 70.0 * np.exp(-np.square(off_px / 35.0)), 0.0)
+            read = read_picture(reader, (frame + band).clip(0, 255).astype(np.uint8))
+            roll = read.readings["roll_deg"]
+            if roll.status is Status.READ:
+                is_inside.append(apart(values(reader, read)["roll_deg"], roll_deg) <= 1.96 * roll.sigma_deg + 0.05)
+
+    assert len(is_inside) > 60
+    assert np.mean(is_inside) >= 0.9
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ from decoder.instruments.appearance import (
 from decoder.instruments.kinds.dials.card import CardReader, arc_deg, first_card, learn_card
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_TURN_DEG
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIN_TURN_DEG, SURE_SCORE
 from decoder.matching.correlation import explained, is_singular, products, shared_weights, weighted_correlation
 from decoder.matching.needle_search import peaks_of
 from decoder.matching.pivot_search import SQUEEZE_AXES, card_squeeze
@@ -64,6 +64,7 @@ FIT_STEPS = 5
 UP_HALF, RIGHT_HALF = np.array([0.0, 0.5], np.float32), np.array([0.5, 0.0], np.float32)
 # Errors are correlated within patches of the window: this many around, and across.
 PATCHES = 12, 3
+QUARTERS = 4
 ROUNDS = 5
 # Steps of the search for the law by which an unusual horizon shifts, in such parts of its turn.
 LAW_STEPS, LAW_PARTS = (4, 2, 1), 24
@@ -151,7 +152,10 @@ NOT_SEEN = Sight(AS_DRAWN, math.inf, math.inf, 1.0, np.zeros(1, np.float32), 0.0
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Ring and horizon in one frame; `ring_deg` is how far the ring, or the horizon instead, is turned clockwise."""
+    """Ring and horizon in one frame; `ring_deg` is how far the ring, or the horizon instead, is turned clockwise.
+
+    Neither is sure where the horizon matches better at another turn than the ring's.
+    """
 
     ring_deg: float
     ring_sigma_deg: float
@@ -313,6 +317,8 @@ class AttitudeReader:
 
     def __init__(self, own: Attitudes, picture: AttitudePicture, ring: Ring | None) -> None:
         self._own, self._ring, self._origin = own.shifting(picture.shift_turn), ring, picture.origin
+        # What a ring was to tell, and did not, the horizon must tell surely.
+        self._least_score = SURE_SCORE if ring is None and own.own.ring is not None else SCORE_THRESHOLD
         self._horizon = _HorizonReader(self._own, picture)
 
     def read(self, strips: Floats) -> list[tuple[Reading, Reading]]:
@@ -325,12 +331,14 @@ class AttitudeReader:
         if turn is None:
             sight = self._horizon.sight(strip, None)
             ring_deg = (sight.place.turned_deg - self._origin.turned_deg) / turn_part
-            is_sure = sight.is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
+            is_sure = sight.is_sure and sight.score >= self._least_score
+            is_sure = is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
             return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, is_sure, sight)
         step_deg = self._own.grid.step_deg
         ring_deg = float(in_turn(np.array(turn.rows * step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
         sight = self._horizon.sight(strip, self._origin.turned_deg + turn_part * ring_deg)
         is_sure = turn.score >= SCORE_THRESHOLD and turn.is_alone
+        is_sure = is_sure and not (sight.is_sure and self._horizon.turns_on(strip, sight.place))
         return Seen(ring_deg, turn.sigma_rows * step_deg, turn.score, is_sure, sight)
 
     def origin_in(self, window: UnwrappedGauge) -> Place | None:
@@ -376,10 +384,7 @@ class _HorizonReader:
         # least squares use rows as far apart at the rim as columns are
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
-        # Light that falls off looks like a sky over its ground until it is known what lies over them. Where no ring
-        # shows which way is up, it would make a horizon match upside down.
-        terms = own.haze.shape[-1] if picture.is_learned and own.own.ring is not None else 1
-        self._haze = np.moveaxis(own.haze[:: self._stride, :, :terms], -1, 0)
+        self._haze = np.moveaxis(own.haze[:: self._stride], -1, 0)
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
         # The slope between two neighbours, half way between them, is that of the interpolated picture. Over two cells,
         # a sharp horizon would change half as fast, and every step of a fit would go too far.
@@ -401,21 +406,50 @@ class _HorizonReader:
             return NOT_SEEN
         place, rival, rival_score = found
         thinned = seen[:: self._stride]
-        sight = self._fitted(thinned, place, is_turn_known=turned_deg is not None)
+        is_turn_known = turned_deg is not None
+        # Light that falls off looks like a sky over its ground until it is known what lies over them. Where no ring
+        # shows which way is up, it would make a horizon match upside down.
+        is_falling = is_turn_known and self._picture.is_learned
+        sight = self._fitted(thinned, place, self._thinned, is_turn_known=is_turn_known, is_falling=is_falling)
         if rival_score >= LIKELY_SCORE:  # the search is too coarse to compare places in
-            other = self._fitted(thinned, rival, is_turn_known=turned_deg is not None)
+            other = self._fitted(thinned, rival, self._thinned, is_turn_known=is_turn_known, is_falling=is_falling)
             sight, other = sorted((sight, other), key=lambda each: -each.score)
             rival_score = other.score or rival_score  # it is 0 where nothing could be fitted
         is_alone = 1.0 - rival_score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
-        if turned_deg is None and sight.place.is_inverted:
-            is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
-        return replace(sight, is_alone=is_alone)
+        if not is_turn_known and sight.place.is_inverted:
+            is_alone = is_alone and self.knows(self._own.upside_down(sight.place))
+        sight = replace(sight, is_alone=is_alone)
+        return self._without_quarters(thinned, sight) if is_alone and not is_turn_known else sight
+
+    def _without_quarters(self, seen: Floats, sight: Sight) -> Sight:
+        """Estimate how far a horizon would move if any quarter of the window did not count (the jackknife).
+
+        Least squares only know errors that are independent between patches. A reflection along the horizon is not, and
+        turns it.
+        """
+        rows, parts = np.arange(len(seen)) * QUARTERS // len(seen), []
+        for quarter in range(QUARTERS):
+            counts = self._thinned * (rows != quarter)[:, None]
+            parts.append(self._fitted(seen, sight.place, counts, is_turn_known=False, is_falling=False))
+        if not all(each.score for each in parts):
+            return replace(sight, is_alone=False)
+        places = np.array([(each.place.turned_deg, each.place.down_px) for each in parts])
+        off_deg, off_px = np.sqrt((QUARTERS - 1) * places.var(axis=0)).tolist()
+        sigma_deg, sigma_px = math.hypot(sight.sigma_deg, off_deg), math.hypot(sight.sigma_px, off_px)
+        return replace(sight, sigma_deg=sigma_deg, sigma_px=sigma_px)
 
     def is_near(self, place: Place, start: Place) -> bool:
         """Whether two places belong to the same peak of the search."""
         return self._search.is_near(place, start)
 
-    def _knows(self, place: Place) -> bool:
+    def turns_on(self, strip: UnwrappedGauge, place: Place) -> bool:
+        """Whether a horizon that was found in a gauge (R, C) at the ring's turn turns on if its own turn is fitted."""
+        seen = strip[: self._own.rows : self._stride, : self._own.window]
+        free = self._fitted(seen, place, self._thinned, is_turn_known=False, is_falling=True)
+        on_deg = free.place.turned_deg - place.turned_deg
+        return math.isinf(free.sigma_deg) or not np.isclose(on_deg, 0.0, atol=SEARCH_STEP_DEG)
+
+    def knows(self, place: Place) -> bool:
         """Whether frames showed nearly all that the window would show at a place, so that it could match there."""
         known = self._weights * _at(self._picture.known, self._cells(place, 1))
         return float(known.sum()) >= (1.0 - MIN_VISIBLE) * float(self._weights.sum())
@@ -441,14 +475,17 @@ class _HorizonReader:
         cells = cv2.transform(self._points[::stride], np.array([[cos, sin, x], [-sin, cos, y]]))
         return np.asarray(cells, np.float32)
 
-    def _fitted(self, seen: Floats, place: Place, *, is_turn_known: bool) -> Sight:
-        """Fit gain, haze, shift and, where it is not known, turn, by least squares.
+    def _fitted(self, seen: Floats, place: Place, counts: Floats, *, is_turn_known: bool, is_falling: bool) -> Sight:
+        """Fit gain, haze, shift and, where it is not known, turn, by least squares, with weights `counts` (P', C).
+
+        Haze is even, or falls off across the window.
 
         Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
         """
-        start, weights, is_haze = place, self._thinned, slice(1, 1 + len(self._haze))
+        start, weights, terms = place, counts, self._haze if is_falling else self._haze[:1]
+        is_haze = slice(1, 1 + len(terms))
         for _ in range(FIT_STEPS):
-            columns = self._columns(place, is_turn_known=is_turn_known)
+            columns = self._columns(place, terms, is_turn_known=is_turn_known)
             weighted = columns * weights.ravel()
             normal = products(weighted, columns).astype(np.float64)
             if is_singular(normal):
@@ -465,18 +502,18 @@ class _HorizonReader:
                 return NOT_SEEN
             if math.hypot(step_px, turn_deg) < self._still_px:
                 break
-            weights = self._thinned * explained(left, self._thinned)
+            weights = counts * explained(left, counts)
         sigma_px, *sigmas = (self._sigmas(inverse, weighted, left, weights)[is_haze.stop :] / gain).tolist()
         haze = solution[is_haze].astype(np.float32)
-        score = weighted_correlation(seen - np.tensordot(haze, self._haze, 1), left, self._thinned)
+        score = weighted_correlation(seen - np.tensordot(haze, terms, 1), left, counts)
         return Sight(place, math.degrees(sum(sigmas)), sigma_px, gain, haze, score, is_alone=True)
 
-    def _columns(self, place: Place, *, is_turn_known: bool) -> Floats:
+    def _columns(self, place: Place, haze: Floats, *, is_turn_known: bool) -> Floats:
         """(K, N): the derivatives by gain, each term of haze, shift and, where it is not known, turn."""
         cells = self._cells(place, self._stride)
         levels = _at(self._picture.horizon, cells)
         up = _at(self._ups, cells - UP_HALF)
-        columns = [levels, *self._haze, up]
+        columns = [levels, *haze, up]
         if not is_turn_known:
             x_px, y_px = np.moveaxis((cells - self._centre(place)) * self._own.grid.column_px, -1, 0)
             columns.append(_at(self._rights, cells - RIGHT_HALF) * y_px + up * x_px)
@@ -604,11 +641,30 @@ def first_attitude(own: Attitudes, strip: UnwrappedGauge, ring: CardPicture | No
 def learn_attitude(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
 ) -> AttitudePicture:
-    """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice."""
+    """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice.
+
+    A ring that is not read in most frames, or at another turn than its horizon, may be none: something else moves where
+    it was drawn, as the sky does beside a ring that is drawn too wide. If more frames are read by the horizon alone, it
+    is learned without a ring.
+    """
+    learned, told = _learned_and_told(own, strips, given, ring)
+    if ring is not None and told < HALF * len(strips):
+        alone, told_alone = _learned_and_told(own, strips, replace(given, ring=None), None)
+        return alone if told_alone > told else learned
+    return learned
+
+
+def _learned_and_told(
+    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
+) -> tuple[AttitudePicture, int]:
+    """Learn it from frames (R, C) with a ring, or without; also count the frames in which both roll and pitch show."""
     views = list(_views(own, strips, ring))
     if ring is not None and own.is_odd and _has_banked(own, views):
-        return _learn_with_law(own, views, given, ring)
-    return _put_together(own, views, given, ring, ROUNDS)
+        learned = _learn_with_law(own, views, given, ring)
+    else:
+        learned = _put_together(own, views, given, ring, ROUNDS)
+    seen = map(AttitudeReader(own, learned, ring).seen, views)
+    return learned, sum(one.is_ring_sure and one.horizon.is_sure for one in seen)
 
 
 def _has_banked(own: Attitudes, views: Sequence[_View]) -> bool:
@@ -812,3 +868,13 @@ class AttitudeKind(Still):
         own = Attitudes.of(instrument.gauge, instrument.grid)
         ring = _ring_of(own, appearance.pictures[own.own.roll])
         return UNKNOWN if ring is None else ring.pivot([strip[:, own.ring] for strip, _, _ in frames])
+
+    def findings(self, gauge: Gauge, appearance: Appearance) -> Sequence[str]:
+        if gauge.attitude is None or gauge.attitude.ring is None:
+            return ()
+        picture: AttitudePicture = appearance.pictures[gauge.attitude.roll]
+        lost = (
+            "bank is read from its horizon alone, since what moves where its ring is drawn does not turn with it, or is"
+            " hardly ever read: does its `ring` begin where nothing but its marks turns?"
+        )
+        return () if picture.ring is not None else (lost,)

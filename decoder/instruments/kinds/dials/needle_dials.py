@@ -114,6 +114,9 @@ class NeedleKind:
         seen = drawn_needles_deg(instrument.grid, cuts, own, strips)
         return [(at_deg, seen_deg) for (at_deg, _), seen_deg in zip(cuts, seen, strict=True) if seen_deg is not None]
 
+    def findings(self, _: Gauge, __: Appearance) -> Sequence[str]:
+        return ()
+
     @staticmethod
     def _cuts(gauge: Gauge) -> list[tuple[float, float]]:
         """List where needles are cut from the panel picture, and how wide, degrees."""
