@@ -644,13 +644,13 @@ def learn_attitude(
     """Learn it from frames (R, C) in the panel picture's light; return it as given if they do not suffice.
 
     A ring that is not read in most frames, or at another turn than its horizon, may be none: something else moves where
-    it was drawn, as the sky does beside a ring that is drawn too wide. If more frames are read by the horizon alone, it
-    is learned without a ring.
+    it was drawn, as the sky does beside a ring that is drawn too wide. If more than twice as many frames are read by
+    the horizon alone, it is learned without a ring.
     """
     learned, told = _learned_and_told(own, strips, given, ring)
     if ring is not None and told < HALF * len(strips):
         alone, told_alone = _learned_and_told(own, strips, replace(given, ring=None), None)
-        return alone if told_alone > told else learned
+        return alone if told < HALF * told_alone else learned
     return learned
 
 
