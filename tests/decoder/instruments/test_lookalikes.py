@@ -73,6 +73,35 @@ def draw_vibrating(angle_deg: float, seed: int, most_px: float = 2.5) -> GreyPic
     return paint(what, seed=seed)
 
 
+@pytest.mark.parametrize("tail_level", [45.0, 60.0])
+def test_a_bright_tip_and_a_dark_tail_show_where_a_needle_points(tail_level: float) -> None:
+    """A compass needle whose ends differ by more than they share, which had been missing in all frames."""
+    tip = Hand(tip=TIP_PX, root_half=7.0, tip_half=0.8)
+
+    def draw(angle_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(0, 360, 30))
+            canvas.hand(replace(tip, level=tail_level), angle_deg + 180.0)
+            canvas.hand(tip, angle_deg)
+
+        return paint(what, seed=seed)
+
+    gauge = {
+        "name": "compass",
+        "radius": [14, 60],
+        "sweep": [270, 630],
+        "tail": True,
+        "scale": [[270, 0], [450, 180]],
+        "wraps": 360,
+        "needles": [{"name": "compass_deg", "template": {"at": 340.0, "span": 30}}],
+    }
+    reader = reader_for([gauge], draw(340.0, 1), [draw(270.0 + 22.5 * step, 100 + step) for step in range(16)])
+    for seed, angle_deg in enumerate(np.arange(275.0, 630.0, 31.0).tolist()):
+        reading = read_picture(reader, draw(angle_deg, seed)).readings["compass_deg"]
+        assert reading.status is Status.READ
+        assert apart(reading.angle_deg, angle_deg) < 0.5
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_vibration_turns_no_needle_around(seed: int) -> None:
     """Cut a pixel or two beside the centre, a needle resembles its reverse more than itself on the other side."""
