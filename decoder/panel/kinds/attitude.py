@@ -92,8 +92,8 @@ class Attitude(Plain, Strict):
         inner_px, outer_px = dial.radius
         if not inner_px < self.window <= outer_px:
             raise ValueError("`window` must lie within the gauge's `radius`")
-        if self.ring is not None and not self.window <= self.ring < outer_px:
-            raise ValueError("`ring` must lie between the `window` and the gauge's outer `radius`")
+        if self.ring is not None and not self.window <= self.ring <= outer_px - 2:  # as wide as a `radius`, at least
+            raise ValueError("`ring` must lie between the `window` and two pixels within the gauge's outer `radius`")
 
     def arc_px(self, dial: Dial) -> float:
         """Return the radius at which a shift counts as an arc: pitch too is then an angle on the dial."""

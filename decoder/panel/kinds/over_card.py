@@ -50,8 +50,8 @@ class OverCard(Plain):
         """ValueError where card or needles do not go all the way round, or a needle says too little."""
         if dial.wraps is None:
             raise ValueError("a `card` goes all the way round: give `wraps`, the value of a turn")
-        if self.card.ring is not None and not dial.radius[0] <= self.card.ring < dial.radius[1]:
-            raise ValueError("`ring` must lie within the gauge's `radius`")
+        if self.card.ring is not None and not dial.radius[0] <= self.card.ring <= dial.radius[1] - 2:
+            raise ValueError("`ring` must lie within the gauge's `radius`, two pixels or more from the outer one")
         for needle in self.needles.each:
             if needle.scale is not None and needle.wraps is None:
                 raise ValueError(

@@ -142,6 +142,23 @@ def filled(at_y: float, seed: int = 0, *, arm: tuple[float, float] = (0.0, 0.0))
     return seen(GRID, levels, seed)
 
 
+def from_its_middle(at_y: float, seed: int = 0) -> Floats:
+    """A slot in which a bar grows from its middle, up or down to a height."""
+
+    def levels(_: Floats, y: Floats) -> Floats:
+        part = bar(y - (at_y + 75.0) / 2, abs(at_y - 75.0) / 2)
+        return part * 150.0 + (1.0 - part) * 60.0
+
+    return seen(GRID, levels, seed)
+
+
+@pytest.mark.parametrize("drawn_y", [40.0, 110.0])
+def test_a_bar_that_grows_either_way_is_read_on_both_sides(drawn_y: float) -> None:
+    """Its beginning, which looks on one side as its end does on the other, had been read as its end."""
+    asked = np.array([34.0, 50.0, 60.0, 86.0, 92.0, 100.0, 115.0])
+    assert_read(from_its_middle, (drawn_y, 16.0), np.linspace(36.0, 118.0, 16), asked)
+
+
 @pytest.mark.parametrize("drawn_y", [50.0, 80.0, 110.0])
 def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: float) -> None:
     """What a bar covers is learned as the card's, wherever the bar has been shorter."""

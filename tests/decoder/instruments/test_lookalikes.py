@@ -73,6 +73,35 @@ def draw_vibrating(angle_deg: float, seed: int, most_px: float = 2.5) -> GreyPic
     return paint(what, seed=seed)
 
 
+@pytest.mark.parametrize("tail_level", [45.0, 60.0])
+def test_a_bright_tip_and_a_dark_tail_show_where_a_needle_points(tail_level: float) -> None:
+    """A compass needle whose ends differ by more than they share, which had been missing in all frames."""
+    tip = Hand(tip=TIP_PX, root_half=7.0, tip_half=0.8)
+
+    def draw(angle_deg: float, seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(range(0, 360, 30))
+            canvas.hand(replace(tip, level=tail_level), angle_deg + 180.0)
+            canvas.hand(tip, angle_deg)
+
+        return paint(what, seed=seed)
+
+    gauge = {
+        "name": "compass",
+        "radius": [14, 60],
+        "sweep": [270, 630],
+        "tail": True,
+        "scale": [[270, 0], [450, 180]],
+        "wraps": 360,
+        "needles": [{"name": "compass_deg", "template": {"at": 340.0, "span": 30}}],
+    }
+    reader = reader_for([gauge], draw(340.0, 1), [draw(270.0 + 22.5 * step, 100 + step) for step in range(16)])
+    for seed, angle_deg in enumerate(np.arange(275.0, 630.0, 31.0).tolist()):
+        reading = read_picture(reader, draw(angle_deg, seed)).readings["compass_deg"]
+        assert reading.status is Status.READ
+        assert apart(reading.angle_deg, angle_deg) < 0.5
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_vibration_turns_no_needle_around(seed: int) -> None:
     """Cut a pixel or two beside the centre, a needle resembles its reverse more than itself on the other side."""
@@ -427,3 +456,47 @@ def test_needles_that_differ_are_read_beside_a_third_that_is_not_there() -> None
         for name, angle_deg in zip(names[1:], angles_deg, strict=True):
             assert readings[name].status is Status.READ
             assert apart(readings[name].angle_deg, angle_deg) < 1.0
+
+
+def bar_hand(tip_px: float, half_px: float, level: float = 230.0) -> Hand:
+    """A hand as wide at its tip as at its root."""
+    return Hand(tip=tip_px, root_half=half_px, tip_half=half_px, level=level)
+
+
+TAPERED = Hand(tip=44.0, root_half=2.6, tip_half=2.2), Hand(tip=60.0, root_half=2.6, tip_half=2.2)
+CLOCKS = {
+    "two alike": ((bar_hand(60.0, 2.2), bar_hand(66.0, 2.2), bar_hand(66.0, 2.2, 120.0)), (1, 2, 3, 7)),
+    "a thin one": ((*TAPERED, bar_hand(64.0, 1.6, 150.0)), (6, 20, 34)),
+    "all three": ((bar_hand(54.0, 2.6), bar_hand(66.0, 2.2), bar_hand(66.0, 1.6, 160.0)), (10, 11, 12)),
+}
+
+
+@pytest.mark.parametrize(("forms", "times"), CLOCKS.values(), ids=CLOCKS)
+def test_no_hand_of_a_clock_is_read_for_another(forms: Sequence[Hand], times: Sequence[int]) -> None:
+    """Nor for one whose own place two others dispute, nor for what it covers, nor where all three are exchanged."""
+
+    def draw(angles_deg: Sequence[float], seed: int) -> GreyPicture:
+        def what(canvas: Canvas) -> None:
+            canvas.dial(())
+            for form, angle_deg in zip(forms, angles_deg, strict=True):
+                canvas.hand(form, angle_deg)
+
+        return paint(what, seed=seed)
+
+    drawn_deg, names = (188.0, 70.0, 285.0), ("hour", "minute", "second")
+    needles = [
+        {"name": name, "template": {"at": at, "span": span}}
+        for name, at, span in zip(names, drawn_deg, (20, 18, 12), strict=True)
+    ]
+    for needle, above in zip(needles, names[1:], strict=False):
+        needle["covered_by"] = above
+    gauge = {"name": "clock", "radius": [13, 60], "sweep": [270, 630], "scale": [[270, 0], [450, 6]], "wraps": 12}
+    frames = [
+        draw(each, 50 + at) for at, each in enumerate(np.random.default_rng(3).uniform(270, 630, (16, 3)).tolist())
+    ]
+    reader = reader_for([gauge | {"needles": needles}], draw(drawn_deg, 1), frames)
+    for time in times:
+        angles_deg = 180.0 + 3.0 * time, 10.0 + 36.0 * time, 300.0 + 222.0 * time
+        readings = read_picture(reader, draw(angles_deg, 200 + time)).readings
+        for name, angle_deg in zip(names, angles_deg, strict=True):
+            assert readings[name].status is not Status.READ or apart(readings[name].angle_deg, angle_deg) < 3.0

@@ -58,11 +58,17 @@ WRONG = {
         ("pitch: b, window: 49, ladder: [[0, 0], [10, 5], [20, 3]]", "attitude.ladder: must be monotone"),
         ("pitch: b, window: 90, ladder: [[0, 0], [10, 5]]", "`window` must lie within"),
         ("pitch: b, window: 49, ring: 20, ladder: [[0, 0], [10, 5]]", "`ring` must lie between"),
+        ("pitch: b, window: 49, ring: 69.6, ladder: [[0, 0], [10, 5]]", "two pixels within the gauge's outer `radius`"),
         ("pitch: a, window: 49, ladder: [[0, 0], [10, 5]]", "two names"),
     ],
     f"{ROUND}, scale: [[258, 0], [438, 180]], wraps: 360, card: {{name: a, index: 270}}, needles: [{{name: b, %s}}]": [
         ("template: {at: 9, span: 16}, on_card: c, scale: [[0, 0], [90, 90]]", "its own `scale` needs `wraps`"),
         ("template: {at: 9, span: 16}, on_card: c", "`on_card` needs a `scale` of its own"),
+    ],
+    f"{ROUND}, scale: [[258, 0], [438, 180]], wraps: 360, card: {{name: a, index: 270, ring: %s}}, "
+    "needles: [{name: b, template: {at: 9, span: 16}}]": [
+        ("3", "`ring` must lie within"),
+        ("69.6", "two pixels or more from the outer one"),
     ],
 }
 

@@ -109,9 +109,11 @@ class StackReader:
         for index in self._order:
             found.put((slice(None), index), self._found(strips, index, places, drawn))
         found.status[doubtful] = MISSING
-        before = found.status.copy()
-        for both in self._alike if len(self._pairs) > 1 else self._pairs:
-            self._tell_apart(strips, both, places, found, before)
+        pairs = self._alike if len(self._pairs) > 1 else self._pairs
+        places, unsure = self._in_order(strips, pairs, places, found)
+        for index in self._order:
+            found.status[self._is_better_without(strips, index, places, found), index] = MISSING
+        self._doubt_all(strips, pairs, unsure, places, found)
         return found
 
     def tell_apart(self, strips: Floats, found: Found) -> Found:
@@ -130,55 +132,94 @@ class StackReader:
             )
             for index in self._order
         }
-        self._tell_apart(strips, (0, 1), places, found, found.status.copy())
+        places, unsure = self._in_order(strips, [(0, 1)], places, found)
+        self._doubt_all(strips, [(0, 1)], unsure, places, found)
         return found
 
-    def _tell_apart(
-        self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, before: Indices
-    ) -> None:
-        """Exchange two needles if that explains the dial clearly better; if neither order does, read neither.
+    def _in_order(
+        self, strips: Floats, pairs: Sequence[tuple[int, int]], places: dict[int, _Places], found: Found
+    ) -> tuple[dict[int, _Places], Mask]:
+        """Exchange the needles of all pairs that must be; return the places then, and which pairs are unclear.
 
-        A single needle matches in any light; only both together show which is the brighter. If the order is unclear but
-        they touch, both are read, with their distance added to sigma. `before` (F, K) are the statuses before any pair
-        was told apart.
+        Nothing is left out for being unclear before that, (pairs, F): beside a needle that is in another's place, both
+        orders of that other and a third explain the dial badly, and the first would stay alone where it is not.
+        """
+        open_, places = np.arange(len(strips)), dict(places)
+        unsure = np.zeros((len(pairs), len(strips)), bool)
+        for _ in range(ROUNDS):
+            is_changed = np.zeros(len(strips), bool)
+            for number, both in enumerate(pairs):
+                changed, unsure[number, open_] = self._exchanged(strips, both, places, found, open_)
+                is_changed[changed] = True
+            open_ = np.flatnonzero(is_changed)
+            if not open_.size:
+                break
+        found.status[open_] = MISSING  # exchanged once more in each round
+        return places, unsure
+
+    def _doubt_all(
+        self,
+        strips: Floats,
+        pairs: Sequence[tuple[int, int]],
+        unsure: Mask,
+        places: dict[int, _Places],
+        found: Found,
+    ) -> None:
+        """Leave out of all pairs what may be the other needle, and both where their order is unclear, (pairs, F)."""
+        before = found.status.copy()
+        for both, doubted in zip(pairs, unsure, strict=True):
+            self._doubt_lone(strips, both, places, found, before)
+            self._doubt(both, np.flatnonzero(doubted), found)
+
+    def _exchanged(
+        self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, among: Indices
+    ) -> tuple[Indices, Mask]:
+        """Exchange two needles in some frames where that explains the dial clearly better, in `places` and `found`.
+
+        A single needle matches in any light; only both together show which is the brighter. Return in which frames they
+        were exchanged, and for each of `among` whether their order is unclear.
         """
         one, other = both
-        self._doubt_lone(strips, both, places, found, before)
-        shows = np.isin(found.status[:, both], (READ, EDGE))
-        rows = found.row[:, both]
-        apart_rows = np.abs(shortest(rows[:, 0] - rows[:, 1], self._turn_rows))
-        open_ = np.flatnonzero(shows.all(axis=1))
+        unclear = np.zeros(len(among), bool)
+        shows = np.flatnonzero(np.isin(found.status[among[:, None], both], SEEN).all(axis=1))
+        open_ = among[shows]
         if not open_.size:
-            return
-        seen = strips[open_]
+            return open_, unclear
+        seen, rows = strips[open_], found.row[open_[:, None], both]
         as_found = {index: _part(place, open_) for index, place in places.items()}
         for at, index in enumerate(both):
-            as_found[index] = replace(as_found[index], row=rows[open_, at], sigma_rows=found.sigma_rows[open_, index])
+            as_found[index] = replace(as_found[index], row=rows[:, at], sigma_rows=found.sigma_rows[open_, index])
         exchanged = {
             **as_found,
-            one: replace(as_found[one], row=rows[open_, 1]),
-            other: replace(as_found[other], row=rows[open_, 0]),
+            one: replace(as_found[one], row=rows[:, 1]),
+            other: replace(as_found[other], row=rows[:, 0]),
         }
         for index in sorted(both, key=self._order.index):  # each matches slightly off where the other does
             exchanged[index] = self._placed(seen, index, exchanged, near=exchanged[index].row)
         here, there = (self._drawn_by_both(seen, as_found, own, exchanged, its) for own, its in (both, both[::-1]))
         near = here | there
-        left, left_exchanged = (self._left_on(seen, near, places) for places in (as_found, exchanged))
+        left, left_exchanged = (self._left_on(seen, near, each) for each in (as_found, exchanged))
         worse = CLEARLY_WORSE**2  # for each of them
-        may_be = np.all([exchanged[index].is_likely for index in both], axis=0)
         is_untold = both in self._untold
+        may_be = np.all([exchanged[index].is_likely for index in both], axis=0)
         is_swapped = may_be & (worse * left_exchanged < left) & (not is_untold)
-        swapped = open_[is_swapped]
-        unsure = open_[may_be & ~is_swapped & ((left_exchanged <= worse * left) | is_untold)]
+        unclear[shows] = may_be & ~is_swapped & ((left_exchanged <= worse * left) | is_untold)
+        swapped = np.flatnonzero(is_swapped)
         for index in both:
-            own = _part(exchanged[index], np.flatnonzero(is_swapped))
+            own = _part(exchanged[index], swapped)
             matches = (own.score >= SCORE_THRESHOLD) & np.isfinite(own.sigma_rows)
             status = np.where(matches, np.where(own.visible >= WHOLE_VISIBLE, READ, EDGE), MISSING)
-            found.put((swapped, index), Found(status, own.row, own.sigma_rows, own.score))
+            found.put((open_[swapped], index), Found(status, own.row, own.sigma_rows, own.score))
+            places[index] = _put(places[index], open_[swapped], own)
+        return open_[swapped], unclear
+
+    def _doubt(self, both: tuple[int, int], unsure: Indices, found: Found) -> None:
+        """Read neither of two needles whose order is unclear; if they touch, both, with their distance in sigma."""
+        apart_rows = np.abs(shortest(found.row[unsure, both[0]] - found.row[unsure, both[1]], self._turn_rows))
         apart = apart_rows > max(self._half_widths_rows[index] for index in both)
-        found.status[unsure[apart[unsure], None], both] = MISSING
-        touching = unsure[~apart[unsure], None]
-        found.sigma_rows[touching, both] = np.hypot(found.sigma_rows[touching, both], apart_rows[touching])
+        found.status[unsure[apart, None], both] = MISSING
+        touching = unsure[~apart, None]
+        found.sigma_rows[touching, both] = np.hypot(found.sigma_rows[touching, both], apart_rows[~apart, None])
 
     def _doubt_lone(
         self, strips: Floats, both: tuple[int, int], places: dict[int, _Places], found: Found, before: Indices
@@ -224,6 +265,19 @@ class StackReader:
         both: Mask = one & other
         return both
 
+    def _is_better_without(self, strips: Floats, index: int, places: dict[int, _Places], found: Found) -> Mask:
+        """(F,): whether the dial is explained clearly better without a needle that was found.
+
+        Then it was found in the pixels of another: it matches these in its own light, but not in that of the dial.
+        """
+        shows, is_better = np.flatnonzero(np.isin(found.status[:, index], SEEN)), np.zeros(len(strips), bool)
+        if not shows.size:
+            return is_better
+        own = {other: _part(place, shows) for other, place in places.items()}
+        absent = {**own, index: replace(own[index], score=np.zeros(len(shows)))}
+        is_better[shows] = self._times_worse(strips[shows], own, absent) * CLEARLY_WORSE <= 1.0
+        return is_better
+
     def _left_on(self, strips: Floats, rows: Mask, places: dict[int, _Places]) -> Floats:
         """(F,): the part of the variance on some rows (F, R) of the dial that the needles leave unexplained."""
         drawn = self._drawn(strips, self._order[::-1], places)
@@ -240,20 +294,41 @@ class StackReader:
         open_ = np.flatnonzero(~np.all(fits, axis=0))
         if not open_.size:
             return places, doubtful
-        seen, best = strips[open_], {index: _part(place, open_) for index, place in places.items()}
-        first, tried = best, []
-        for move in (*((index,) for index in self._order), *permutations(self._order, 2)):
-            tried.append(self._moved(seen, first, *move))
-            better = self._times_worse(seen, best, tried[-1]) * CLEARLY_WORSE <= 1.0
-            best = {index: _merged(better, tried[-1][index], best[index]) for index in best}
-        for other in [first, *tried]:
-            as_good = self._times_worse(seen, best, other) < CLEARLY_WORSE
+        best = {index: _part(place, open_) for index, place in places.items()}
+        tried = [(np.arange(len(open_)), best)]
+        improved, _ = tried[0]
+        for _ in self._order[1:]:  # as many exchanges put any order right
+            best, improved, moved = self._improved(strips[open_], best, improved)
+            tried += moved
+        for which, other in tried:
+            own = {index: _part(place, which) for index, place in best.items()}
+            as_good = self._times_worse(strips[open_[which]], own, other) < CLEARLY_WORSE
             for index, reach_rows in enumerate(self._half_widths_rows):
-                own, its = best[index], other[index]
-                apart_rows = np.abs(shortest(own.row - its.row, self._turn_rows))
-                doubtful[open_, index] |= as_good & (apart_rows > reach_rows) & (own.is_likely | its.is_likely)
+                apart_rows = np.abs(shortest(own[index].row - other[index].row, self._turn_rows))
+                may_be = as_good & (apart_rows > reach_rows) & (own[index].is_likely | other[index].is_likely)
+                doubtful[open_[which], index] |= may_be
         every = {index: _put(place, open_, best[index]) for index, place in places.items()}
         return every, doubtful
+
+    def _improved(
+        self, strips: Floats, best: dict[int, _Places], among: Indices
+    ) -> tuple[dict[int, _Places], Indices, list[tuple[Indices, dict[int, _Places]]]]:
+        """Move each needle of some frames, or two of them, from their best places so far.
+
+        Return the best places then, in which frames they are others, and all that were tried with their frames.
+        """
+        if not among.size:
+            return best, among, []
+        seen, start = strips[among], {index: _part(place, among) for index, place in best.items()}
+        found, tried, is_better = start, [], np.zeros(len(among), bool)
+        for move in (*((index,) for index in self._order), *permutations(self._order, 2)):
+            other = self._moved(seen, start, *move)
+            tried.append((among, other))
+            better = self._times_worse(seen, found, other) * CLEARLY_WORSE <= 1.0
+            found = {index: _merged(better, other[index], found[index]) for index in found}
+            is_better |= better
+        best = {index: _put(place, among, found[index]) for index, place in best.items()}
+        return best, among[is_better], tried
 
     def _moved(
         self, strips: Floats, places: dict[int, _Places], mover: int, owner: int | None = None

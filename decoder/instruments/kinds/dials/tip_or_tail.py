@@ -10,6 +10,8 @@ or badly, which says nothing about the direction.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -88,20 +90,32 @@ def facing(view: View, template: NeedleTemplate, grid: PolarGrid, row: int, besi
     energy = float((weights * np.square(apart)).sum())
     if energy == 0.0:
         return Facing(0.0, 1.0, own.beside_rows)
-    lit = _in_light(here, middle, weights)
+    lit = _in_light_of_best(here, (own.drawn, drawn), weights)
     ahead = 2.0 * float((weights * apart * (lit - middle)).sum()) / energy
     near = own if ahead > 0.0 else reverse
     left = weights * apart * (lit - (own.drawn if ahead > 0.0 else drawn))
     return Facing(ahead, 2.0 * float(np.sqrt(np.square(left).sum())) / energy, near.beside_rows)
 
 
-def _in_light(seen: Floats, drawn: Floats, weights: Floats) -> Floats:
-    """Bring a picture into the light of another, as the weighted pixels show it."""
-    total = weights.sum()
-    seen_mean, drawn_mean = ((weights * each).sum() / total for each in (seen, drawn))
-    about = seen - seen_mean
-    gain = (weights * about * drawn).sum() / max((weights * about * about).sum(), np.finfo(np.float32).eps)
-    lit: Floats = gain * about + drawn_mean
+def _in_light_of_best(seen: Floats, drawings: Sequence[Floats], weights: Floats) -> Floats:
+    """Bring a picture into the light of that drawing which explains most of it, as the weighted pixels show it.
+
+    In the light of what two drawings share, a needle would seem the fainter the more they differ: one with a bright tip
+    and a dark tail would point nowhere.
+    """
+    total, least = float(weights.sum()), float(np.finfo(np.float32).eps)
+    about = seen - float((weights * seen).sum()) / total
+    power = max(float((weights * about * about).sum()), least)
+
+    def shared(drawn: Floats) -> float:
+        return float((weights * about * drawn).sum())
+
+    def alike(drawn: Floats) -> float:
+        mean = float((weights * drawn).sum()) / total
+        return shared(drawn) / math.sqrt(max(float((weights * np.square(drawn - mean)).sum()), least))
+
+    best = max(drawings, key=alike)
+    lit: Floats = shared(best) / power * about + float((weights * best).sum()) / total
     return lit
 
 

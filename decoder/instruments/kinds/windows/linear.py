@@ -116,7 +116,7 @@ class Slide:
 class SlideReader:
     """Reads one linear scale."""
 
-    def __init__(self, slide: Slide, picture: LinearPicture) -> None:
+    def __init__(self, slide: Slide, picture: LinearPicture, *, begins: float | None = None) -> None:
         self._slide, self._pointer, self._face = slide, picture.pointer, picture.face
         self._before, self._behind = picture.before, picture.behind
         self._name = slide.own.name
@@ -132,16 +132,30 @@ class SlideReader:
         places_px = slide.px_of(np.arange(count) + self._axis)
         first_px, last_px = slide.ends_px
         self._allowed = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
+        beginning = self._middle_of(picture) if begins is None else begins
+        self._other = None
+        if beginning is not None:
+            # What looks like its end there is the beginning of a bar that grows the other way.
+            past = np.arange(count) + self._axis - beginning
+            self._allowed &= past * (1 if picture.bar[0] else -1) > MAX_PEAK_ROWS
+            if begins is None:
+                self._other = SlideReader(slide, _mirrored(picture, beginning), begins=beginning)
+
+    def _middle_of(self, picture: LinearPicture) -> float | None:
+        """Return the row at which a bar begins, if there are marks on both sides of it; else it grows one way only."""
+        filled = np.flatnonzero(_filled(picture))
+        if not any(picture.bar) or not filled.size:
+            return None
+        begins = float(filled[0 if picture.bar[0] else -1])
+        nearest_px, farthest_px = self._slide.px_of(begins + self._axis * np.array([-1.0, 1.0])).tolist()
+        first_px, last_px = self._slide.ends_px
+        return begins if first_px < nearest_px and farthest_px < last_px else None
 
     def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
         """Read F frames of its window, (F, R, C) as they are sampled."""
-        along = self._slide.along(strips)
-        found, is_alone = self.found(along)
+        found, is_read = self.seen_in(self._slide.along(strips))
         rows = np.nan_to_num(found.row)
         places_px, sigmas_px = self._slide.px_of(rows), found.sigma_rows * self._slide.row_px
-        is_read = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
-        for number in np.flatnonzero(is_read).tolist():
-            is_read[number] = self._is_rest_as_known(along[number], rows[number], found.gain[number])
         return [
             {
                 self._name: Reading(
@@ -160,6 +174,17 @@ class SlideReader:
                 strict=True,
             )
         ]
+
+    def seen_in(self, along: Floats) -> tuple[Settled, Mask]:
+        """Find the pointer in F windows along their scale, (F, R, C), and where it is read; a bar one way at a time."""
+        found, is_alone = self.found(along)
+        is_read = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
+        for number in np.flatnonzero(is_read).tolist():
+            is_read[number] = self._is_rest_as_known(along[number], found.row[number], found.gain[number])
+        if self._other is None:
+            return found, is_read
+        other, is_other = self._other.seen_in(along)
+        return _where(is_other, other, found), is_read ^ is_other
 
     def found(self, along: Floats) -> tuple[Settled, Mask]:
         """Find the pointer in F windows along their scale, (F, R, C), and whether no other place matches as well."""
@@ -207,9 +232,8 @@ class SlideReader:
         """Fit the pointer by least squares, in even light and in light that varies around it, and keep the better."""
         plain, lit = (self._settled_by(fitter, along, places) for fitter in (self._fitter, self._lit_fitter))
         doubtful = plain.score < SURE_SCORE
-        parts = ("row", "sigma_rows", "score", "correlation", "gain", "is_settled")
         better = doubtful & lit.is_settled & (np.nan_to_num(lit.score) > np.nan_to_num(plain.score))
-        return Settled(*(np.where(better, getattr(lit, name), getattr(plain, name)) for name in parts))
+        return _where(better, lit, plain)
 
     def _settled_by(self, fitter: WindowFitter, along: Floats, places: Floats) -> Settled:
         height = 2 * self._axis + 1
@@ -220,6 +244,38 @@ class SlideReader:
             return fitter.fit(windows[open_, top], self._faces[top], guess_rows)
 
         return settle(fit, places + self._axis, (self._axis, along.shape[1] - self._axis - 1), MAX_PEAK_ROWS)
+
+
+def _where(which: Mask, these: Settled, those: Settled) -> Settled:
+    """Return these in some frames (F,), and those in the others."""
+    parts = ("row", "sigma_rows", "score", "correlation", "gain", "is_settled")
+    return Settled(*(np.where(which, getattr(these, name), getattr(those, name)) for name in parts))
+
+
+def _filled(picture: LinearPicture) -> Mask:
+    """(R,): where the bar of a picture was seen, if it has one."""
+    before, behind = picture.bar
+    levels = picture.before if before else picture.behind if behind else picture.face
+    off = np.abs(np.where(np.isfinite(levels), levels - picture.face, 0.0).mean(axis=1))
+    filled: Mask = off > HALF * off.max()
+    return filled
+
+
+def _mirrored(picture: LinearPicture, begins: float) -> LinearPicture:
+    """Return the picture of a bar that grows the other way from where it begins."""
+    is_before, _ = picture.bar
+    bar = median_of((picture.before if is_before else picture.behind)[_filled(picture)])
+    every = np.arange(len(picture.face))[:, None]
+    grown = np.where(every > begins if is_before else every < begins, picture.face, bar)
+    sides = (picture.face, grown) if is_before else (grown, picture.face)
+
+    def turned(pointer: NeedleTemplate) -> NeedleTemplate:
+        layers = pointer.pixels, pointer.light, pointer.transparency, pointer.trust
+        pixels, light, transparency, trust = (np.ascontiguousarray(layer[::-1]) for layer in layers)
+        return replace(pointer, pixels=pixels, light=light, transparency=transparency, trust=trust)
+
+    before, behind = sides
+    return replace(picture, before=before, behind=behind, given=turned(picture.given), pointer=turned(picture.pointer))
 
 
 def _spread_around(levels: Floats, height: int) -> Floats:
