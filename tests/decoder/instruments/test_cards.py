@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import Squeeze
-from decoder.instruments.kinds.dials.card import far_card_pivot
 from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
@@ -427,59 +426,3 @@ def test_card_is_read_though_the_panel_picture_hardly_shows_it(spoilt: Callable[
 
     assert sum(status is Status.READ for status, _, _ in found) >= 14
     assert max(off for status, off, _ in found if status is Status.READ) < 0.2
-
-
-Levels = tuple[float, float, float]
-
-
-def draw_relief(turn_deg: float, seed: int, levels: Levels, *, is_flat: bool = False) -> GreyPicture:
-    """A compass rose lit from above on the left: eight points alike in relief, and four letters of different width.
-
-    Its levels are those of sides in the light, of sides in the shade, and of the dial. If it is flat, its sides are
-    printed, and turn with it, and it has no letters.
-    """
-
-    def what(canvas: Canvas) -> None:
-        canvas.disc(CENTRE, 76.0, levels[2])
-        for point in range(8):
-            angle = math.radians(45.0 * point + turn_deg)
-            out, aside = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
-            for side in (-1.0, 1.0):
-                is_lit = side > 0.0 if is_flat else side * aside @ np.array([-0.6, -0.8]) > 0.0
-                corners = np.array([out * 20.0, out * 20.0 + side * 7.0 * aside, out * 62.0]) + CENTRE
-                canvas.polygon([(x, y) for x, y in corners.tolist()], levels[0 if is_lit else 1])
-        for letter, half in enumerate(() if is_flat else (1.0, 2.0, 3.0, 0.6)):
-            canvas.bar(90.0 * letter + turn_deg, (66.0, 70.0), (half, half), 230.0)
-
-    return paint(what, seed=seed)
-
-
-@pytest.mark.parametrize("levels", [(220.0, 40.0, 100.0), (150.0, 60.0, 100.0)])
-@pytest.mark.parametrize(
-    "turns_deg", [[*8 * [0.0], 6.0, 20.0, -9.0, 33.0, 50.0, 77.0], [3.0 + 22.5 * k for k in range(16)]]
-)
-def test_rose_in_relief_is_never_read_a_point_off(levels: Levels, turns_deg: list[float]) -> None:
-    """Light that does not turn makes the nearest point look right, and letters alone show that it is another one."""
-    frames = [draw_relief(PANEL_TURN_DEG + turn_deg, 30 + seed, levels) for seed, turn_deg in enumerate(turns_deg)]
-    reader = reader_for([CARD | {"radius": [26, 73]}], draw_relief(PANEL_TURN_DEG, 1, levels), frames)
-
-    for turn_deg in range(0, 360, 15):
-        turned = PANEL_TURN_DEG + turn_deg
-        status, off, _ = off_deg(reader, draw_relief(turned, 9, levels), turned)
-        assert status is Status.MISSING or off < 1.0
-        assert status is Status.READ or turn_deg != 0
-
-
-def test_pivot_of_a_rose_is_found_though_its_points_are_all_alike() -> None:
-    """That a turn is unclear by whole points does not matter for where the rose turns."""
-    levels = (220.0, 40.0, 100.0)
-    x, y = CENTRE
-    drawn = reader_for(
-        [CARD | {"radius": [26, 73], "centre": [x + 2.0, y - 3.0]}],
-        draw_relief(PANEL_TURN_DEG, 1, levels, is_flat=True),
-    )
-    frames = [draw_relief(PANEL_TURN_DEG + 22.5 * each, 30 + each, levels, is_flat=True) for each in range(16)]
-
-    found = far_card_pivot(drawn.grids[0], [frame.gauges[0] for frame in unwrapped(drawn, frames)])
-
-    assert found == pytest.approx((-2.0, 3.0), abs=0.5)

@@ -35,7 +35,6 @@ from decoder.instruments.appearance import (
     needles_in_picture,
 )
 from decoder.instruments.kinds.dials.common_turns import CommonTurns, common_turns
-from decoder.instruments.kinds.dials.near_repetitions import Dial, Source
 from decoder.instruments.needle_lines import places_of
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
@@ -237,14 +236,7 @@ class CardReader:
         bend = before - 2 * score + after
         row = best + (0.5 * (before - after) / bend if bend < 0 else 0.0)
         alone = 1.0 - self._rival(scores, best) ** 2 > CLEARLY_WORSE * (1.0 - min(score, 1.0) ** 2)
-        return Turn(row, math.inf, score, alone and not self._is_contradicted(seen, row))
-
-    def _is_contradicted(self, seen: Floats, row: float) -> bool:
-        """Whether what is unexplained of one turn of the dial (P, C) shows the card turned further, or less far."""
-        card, weights = self._picture.card, self._picture.weights
-        reach = round(RIVAL_REACH_DEG / self._grid.step_deg)
-        source = Source.LEARNED if self._picture.is_learned else Source.DRAWN
-        return Dial(seen, weights, card, np.ones_like(card), turned, reach, source).contradicts(row)
+        return Turn(row, math.inf, score, alone)
 
     def _rival(self, scores: Floats, best: int) -> float:
         """Return the best score away from the peak."""
@@ -301,14 +293,14 @@ def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
 def far_card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
     """Search for a card's pivot with `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
 
-    It must be clear how most frames have turned around it, or that they have turned at all, or whatever moves over a
-    card that stands still is taken for the card. On a rose turns are unclear by whole points, around any pivot.
+    It must be clear how most frames have turned around it, or whatever moves over a card that stands still is taken
+    for the card.
     """
     found = card_pivot(grid, strips)
     if found is None:
         return None
     turns = common_turns(card_rings(grid, strips, found), round(RIVAL_REACH_DEG / ROW_DEG))
-    return found if turns.clear.mean() >= HALF or not stands_still(grid, strips) else None
+    return found if turns.clear.mean() >= HALF else None
 
 
 def stands_still(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> bool:
@@ -351,10 +343,10 @@ def learn_card(gauge: Gauge, grid: PolarGrid, strips: Sequence[UnwrappedGauge], 
 
     If a frame were turned back by a wrong turn that looks alike, the result would be no card, or one printed twice. So
     frames are turned back by the turns on which all of them agree, and those for which another turn is nearly as likely
-    are left out, and those that show each other's print at another turn. The rest must share most of the result, which
-    must match the panel picture at one place only, or clearly at the place that all frames agree on with it: in uneven
-    light it matches no place much better than others. It must be seen most of the way round: in a short arc regular
-    marks are taken for each other, and numerals have no weight since they fit at no turn.
+    are left out. The rest must share most of the result, which must match the panel picture at one place only, or
+    clearly at the place that all frames agree on with it: in uneven light it matches no place much better than others.
+    It must be seen most of the way round: in a short arc regular marks are taken for each other, and numerals have no
+    weight since they fit at no turn.
     """
     lit = [evenly_lit(strip, grid) for strip in strips]
     if len(lit) < FRAMES_TO_LEARN:

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Self
 
 import numpy as np
 
 from decoder.imaging.thresholds import HALF
-from decoder.instruments.kinds.dials.near_repetitions import Dial, Source
 from decoder.instruments.thresholds import SURE_SCORE
 from decoder.matching.correlation import ROUNDING, changing, noise_between, turned_correlation
 from decoder.matching.thresholds import MUCH_BETTER
 from decoder.panel.arrays import Floats, Indices, Mask
-from decoder.registration.thresholds import MIN_SPREAD_LEVELS, SCORE_THRESHOLD
+from decoder.registration.thresholds import MIN_SPREAD_LEVELS
 
 SWEEPS = 5
 RIVALS = 4
@@ -46,15 +44,11 @@ def common_turns(pictures: Floats, reach: int, *, most_of_two: float = MUCH_BETT
     pictures = _in_one_light(pictures)
     noise_levels = noise_between(pictures)
     scores, weights = turned_correlation(pictures, noise_levels), changing(pictures, noise_levels)
-    against = _contradicted(pictures, scores, weights, reach)
-    settings = _settings(scores, against, reach)
+    settings = _settings(scores, reach)
     rows, clear = np.zeros(len(scores), np.intp), np.zeros(len(scores), bool)
     while len(settings) > 1:
         search = _Search.of(scores, settings, reach)
         found = search.best()
-        if (doubts := search.doubts(found, against)).any():
-            del settings[int(np.argmax(doubts))]
-            continue
         views = _Views.of(pictures[search.first], weights, found, search, noise_levels)
         parts = [views.part_of_rivals(number, search.rivals(number, found)) for number in range(len(settings))]
         if max(parts) < (MUCH_BETTER if search.turns(found) > 2 else most_of_two):  # noqa: PLR2004
@@ -74,22 +68,7 @@ def _in_one_light(pictures: Floats) -> Floats:
     return lit
 
 
-def _contradicted(pictures: Floats, scores: Floats, weights: Floats, reach: int) -> Mask:
-    """(F, F): whether either of two pictures shows the other at another turn where the best leaves something."""
-    against = np.zeros(scores.shape[:2], bool)
-    for one, other in permutations(range(len(pictures)), 2):
-        row = int(scores[one, other].argmax())
-        if scores[one, other, row] >= SCORE_THRESHOLD and not against[one, other]:
-            dial = Dial(pictures[other], weights, pictures[one], weights, _rolled, reach, Source.FRAME)
-            against[one, other] = against[other, one] = dial.contradicts(row)
-    return against
-
-
-def _rolled(picture: Floats, rows: float) -> Floats:
-    return np.roll(picture, round(rows), axis=0)
-
-
-def _settings(scores: Floats, against: Mask, reach: int) -> list[dict[int, int]]:
+def _settings(scores: Floats, reach: int) -> list[dict[int, int]]:
     """Group frames with the card at the same turn, since these would confirm each other's turn, right or wrong.
 
     For each group, its frames, and the rows by which the card has turned since its first frame.
@@ -99,8 +78,7 @@ def _settings(scores: Floats, against: Mask, reach: int) -> list[dict[int, int]]
         for setting in settings:
             own = scores[next(iter(setting)), frame]
             further = (int(own.argmax()) + reach) % len(own) - reach
-            agrees = own.max() >= SURE_SCORE and not against[next(iter(setting)), frame]
-            if further <= reach and agrees:
+            if further <= reach and own.max() >= SURE_SCORE:
                 setting[frame] = further
                 break
         else:
@@ -163,14 +141,6 @@ class _Search:
             scores[self._near(found[-1])] = -1.0
             found.append(int(scores.argmax()))
         return found[1:]
-
-    def doubts(self, rows: Indices, against: Mask) -> Floats:
-        """(S,): how many frames contradict each setting on its row; `against` (F, F) is for the best row of two."""
-        size = self.scores.shape[2]
-        apart = rows - rows[:, None] - self.scores.argmax(axis=2)
-        is_best = np.abs((apart + size // 2) % size - size // 2) <= self.reach
-        doubts: Floats = (is_best & against[np.ix_(self.first, self.first)]) @ self.frames
-        return doubts
 
     def is_same(self, rows: Indices) -> Mask:
         """(S, S): which settings are at the same turn, themselves among them."""
