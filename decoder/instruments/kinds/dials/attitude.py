@@ -417,7 +417,7 @@ class _HorizonReader:
             rival_score = other.score or rival_score  # it is 0 where nothing could be fitted
         is_alone = 1.0 - rival_score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
         if not is_turn_known and sight.place.is_inverted:
-            is_alone = is_alone and self.knows(self._own.upside_down(sight.place))
+            is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
         sight = replace(sight, is_alone=is_alone)
         return self._without_quarters(thinned, sight) if is_alone and not is_turn_known else sight
 
@@ -445,11 +445,12 @@ class _HorizonReader:
     def turns_on(self, strip: UnwrappedGauge, place: Place) -> bool:
         """Whether a horizon that was found in a gauge (R, C) at the ring's turn turns on if its own turn is fitted."""
         seen = strip[: self._own.rows : self._stride, : self._own.window]
-        free = self._fitted(seen, place, self._thinned, is_turn_known=False, is_falling=True)
+        is_falling = self._picture.is_learned
+        free = self._fitted(seen, place, self._thinned, is_turn_known=False, is_falling=is_falling)
         on_deg = free.place.turned_deg - place.turned_deg
         return math.isinf(free.sigma_deg) or not np.isclose(on_deg, 0.0, atol=SEARCH_STEP_DEG)
 
-    def knows(self, place: Place) -> bool:
+    def _knows(self, place: Place) -> bool:
         """Whether frames showed nearly all that the window would show at a place, so that it could match there."""
         known = self._weights * _at(self._picture.known, self._cells(place, 1))
         return float(known.sum()) >= (1.0 - MIN_VISIBLE) * float(self._weights.sum())
