@@ -108,12 +108,12 @@ class AttitudePicture:
         The ring that turns around the window, if there is one.
     drawn
         (P, C) float32, the window in the panel picture.
+    shift_turn
+        How many degrees the direction of the shift turns per degree of the ring, from the panel or from a flight.
     origin
         The place of `horizon` in that window.
     is_learned
         Whether it was composed from frames; the panel picture shows all that lies over the horizon too.
-    shift_turn
-        How many degrees the direction of the shift turns per degree of the ring, from the panel or from a flight.
     """
 
     horizon: Floats
@@ -479,9 +479,8 @@ class _HorizonReader:
     def _fitted(self, seen: Floats, place: Place, counts: Floats, *, is_turn_known: bool, is_falling: bool) -> Sight:
         """Fit gain, haze, shift and, where it is not known, turn, by least squares, with weights `counts` (P', C).
 
-        Haze is even, or falls off across the window.
-
-        Outliers have no weight in the fit but full weight in the score, since a few pixels match in many places.
+        Haze is even, or falls off across the window. Outliers have no weight in the fit but full weight in the
+        score, since a few pixels match in many places.
         """
         start, weights, terms = place, counts, self._haze if is_falling else self._haze[:1]
         is_haze = slice(1, 1 + len(terms))
@@ -646,26 +645,28 @@ def learn_attitude(
 
     A ring that is not read in most frames, or at another turn than its horizon, may be none: something else moves where
     it was drawn, as the sky does beside a ring that is drawn too wide. If more than twice as many frames are read by
-    the horizon alone, it is learned without a ring.
+    the horizon alone, and more rolls than by the ring, it is learned without a ring. A ring around a horizon that is
+    hard to see tells more.
     """
-    learned, told = _learned_and_told(own, strips, given, ring)
-    if ring is not None and told < HALF * len(strips):
-        alone, told_alone = _learned_and_told(own, strips, replace(given, ring=None), None)
-        return alone if told < HALF * told_alone else learned
+    learned, rolls, both = _learned_and_told(own, strips, given, ring)
+    if ring is not None and both < HALF * len(strips):
+        alone, rolls_alone, both_alone = _learned_and_told(own, strips, replace(given, ring=None), None)
+        return alone if both < HALF * both_alone and rolls < rolls_alone else learned
     return learned
 
 
 def _learned_and_told(
     own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
-) -> tuple[AttitudePicture, int]:
-    """Learn it from frames (R, C) with a ring, or without; also count the frames in which both roll and pitch show."""
+) -> tuple[AttitudePicture, int, int]:
+    """Learn it from frames (R, C) with a ring, or without; also count those that show roll, and roll and pitch."""
     views = list(_views(own, strips, ring))
     if ring is not None and own.is_odd and _has_banked(own, views):
         learned = _learn_with_law(own, views, given, ring)
     else:
         learned = _put_together(own, views, given, ring, ROUNDS)
-    seen = map(AttitudeReader(own, learned, ring).seen, views)
-    return learned, sum(one.is_ring_sure and one.horizon.is_sure for one in seen)
+    reader = AttitudeReader(own, learned, ring)
+    told = [one for one in map(reader.seen, views) if one.is_ring_sure]
+    return learned, len(told), sum(one.horizon.is_sure for one in told)
 
 
 def _has_banked(own: Attitudes, views: Sequence[_View]) -> bool:
