@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import Squeeze
+from decoder.instruments.kinds.dials.card import far_card_pivot, first_card, unlike_itself
 from decoder.instruments.panel_reader import PanelReader, read_picture, unwrapped
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight
@@ -426,3 +427,68 @@ def test_card_is_read_though_the_panel_picture_hardly_shows_it(spoilt: Callable[
 
     assert sum(status is Status.READ for status, _, _ in found) >= 14
     assert max(off for status, off, _ in found if status is Status.READ) < 0.2
+
+
+def draw_points(turn_deg: float, seed: int, *, squeeze: float = 1.0) -> GreyPicture:
+    """A compass rose: eight points alike, and four small letters of different width, all seen `squeeze` as high."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.disc(CENTRE, 76.0, 120.0)
+        for point in range(8):
+            angle = math.radians(45.0 * point + turn_deg)
+            out, aside = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+            for side, level in ((-1.0, 60.0), (1.0, 220.0)):
+                corners = np.array([0.0 * out, out * 22.0 + side * 9.0 * aside, out * 62.0]) * [1.0, squeeze] + CENTRE
+                canvas.polygon([(x, y) for x, y in corners.tolist()], level)
+        for letter, half in enumerate((1.0, 2.0, 3.0, 0.6)):
+            canvas.bar(90.0 * letter + turn_deg, (66.0, 70.0), (half, half), 190.0)
+
+    return paint(what, seed=seed)
+
+
+MOSTLY_STRAIGHT_AHEAD_DEG = [*8 * [0.0], 6.0, 20.0, -9.0, 33.0, 50.0, 77.0, 30.0, 38.0]
+
+
+@pytest.mark.parametrize(("aside", "squeeze"), [((2.0, -3.0), 0.94), ((3.7, 3.7), 0.94)])
+def test_rose_is_never_read_a_point_off(aside: tuple[float, float], squeeze: float) -> None:
+    """Seen obliquely, or drawn around a point beside its pivot, it matches best at the point nearest to the panel's."""
+    rose = CARD | {"radius": [26, 73], "centre": [CENTRE[0] + aside[0], CENTRE[1] + aside[1]]}
+    frames = [
+        draw_points(PANEL_TURN_DEG + turn_deg, 30 + seed, squeeze=squeeze)
+        for seed, turn_deg in enumerate(MOSTLY_STRAIGHT_AHEAD_DEG)
+    ]
+    panel = draw_points(PANEL_TURN_DEG, 1, squeeze=squeeze)
+    fitted = fit_to_flight(reader_for([rose], panel), lambda _: frames)
+
+    found = [
+        off_deg(fitted.reader, draw_points(PANEL_TURN_DEG + turn_deg, 9, squeeze=squeeze), PANEL_TURN_DEG + turn_deg)
+        for turn_deg in range(0, 360, 15)
+    ]
+
+    assert [off for status, off, _ in found if status is Status.READ and off > 3.0] == []
+    assert any("looks nearly alike at several turns" in said for said in fitted.findings["heading"])
+
+
+def test_pivot_of_a_rose_is_found_though_its_points_are_all_alike() -> None:
+    """That a turn is unclear by whole points does not matter for where the rose turns."""
+    x, y = CENTRE
+    rose = CARD | {"radius": [26, 73], "centre": [x + 2.0, y - 3.0]}
+    drawn = reader_for([rose], draw_points(PANEL_TURN_DEG, 1))
+    frames = [draw_points(PANEL_TURN_DEG + 22.5 * each, 30 + each) for each in range(16)]
+
+    found = far_card_pivot(drawn.grids[0], [frame.gauges[0] for frame in unwrapped(drawn, frames)])
+
+    assert found == pytest.approx((-2.0, 3.0), abs=0.5)
+
+
+@pytest.mark.parametrize(("draw_card", "least", "most"), [(draw, 0.15, 0.5), (draw_points, 0.0, 0.05)])
+def test_numerals_tell_a_turn_from_others_and_points_do_not(
+    draw_card: Callable[[float, int], GreyPicture], least: float, most: float
+) -> None:
+    """A card with numerals is unlike itself at any other turn, even if parts of it are displaced; a rose is not."""
+    panel = draw_card(PANEL_TURN_DEG, 1)
+    reader = reader_for([CARD | {"radius": [26, 73]}], panel)
+    (seen,) = unwrapped(reader, [panel])
+    card = first_card(seen.gauges[0], reader.grids[0])
+
+    assert least <= unlike_itself(reader.source.panel.gauges[0], card) <= most

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations
 
 import numpy as np
@@ -35,6 +35,7 @@ from decoder.instruments.appearance import (
     needles_in_picture,
 )
 from decoder.instruments.kinds.dials.common_turns import CommonTurns, common_turns
+from decoder.instruments.kinds.dials.near_repetitions import least_unlike
 from decoder.instruments.needle_lines import places_of
 from decoder.instruments.reading import Reading, Readings, Status
 from decoder.instruments.sampling import GaugeSampler, Samples, SeenGauge
@@ -78,6 +79,10 @@ ROUNDS = 3
 # Waves per turn: light on a dial has this many at most, marks have more. In other people's pictures of a compass, 2 and
 # 12 give the same readings.
 SHADING_WAVES = 4
+LOOKS_ALIKE = (
+    "its card looks nearly alike at several turns, and what tells them apart is too faint: does its `radius` hold all"
+    " letters and numerals?"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +104,8 @@ class CardReader:
     """Reads the card of one gauge; `picture` is the card as it lies in the panel picture.
 
     A card that `is_doubted`, because most frames of a sample do not match it, is not read: it was learned wrongly, or
-    is seen obliquely, and any match is by chance.
+    is seen obliquely, and any match is by chance. Nor is it read where more is unexplained than a turn and its
+    near-repetitions differ by.
     """
 
     def __init__(self, gauge: Gauge, grid: PolarGrid, picture: CardPicture, *, is_doubted: bool = False) -> None:
@@ -109,6 +115,7 @@ class CardReader:
         self._rows = card_rows(grid)
         self._picture = picture
         self._is_doubted = is_doubted
+        self._gauge = gauge
         weights = picture.weights
         self._total = float(weights.sum())
         self._middle = np.float32(picture.card.mean())
@@ -205,9 +212,15 @@ class CardReader:
         angle_deg = self._first_deg + (angle_deg - self._first_deg) % FULL_CIRCLE_DEG
         # On a card that was not learned from the flight, fixed parts over it may match as well as the card does.
         least = SCORE_THRESHOLD if self._picture.is_learned else SURE_SCORE
-        matches = turn.score >= least and turn.is_alone and not self._is_doubted
+        left = 1.0 - min(turn.score, 1.0) ** 2
+        is_told = left + self._unlike > CLEARLY_WORSE * left
+        matches = turn.score >= least and turn.is_alone and is_told and not self._is_doubted
         status = Status.READ if matches else Status.MISSING
         return Reading(status, angle_deg, turn.sigma_rows * self._grid.step_deg, turn.score)
+
+    @cached_property
+    def _unlike(self) -> float:
+        return unlike_itself(self._gauge, self._picture)
 
     def _scores(self, seen: Floats) -> Floats:
         """Return the weighted NCC of a gauge (P, C) with the card turned by each number of rows: (P,) in [-1, 1]."""
@@ -277,6 +290,20 @@ class CardReader:
         return row, sigma_rows, weighted_correlation(seen, left, shown_there)
 
 
+def unlike_itself(gauge: Gauge, picture: CardPicture) -> float:
+    """Return the part of its variance by which a card differs from its nearest repetition: 0 to 1."""
+    rows, columns = picture.card.shape
+    reach_px = math.radians(RIVAL_REACH_DEG) * gauge.arc_px
+    reach = round(rows * RIVAL_REACH_DEG / FULL_CIRCLE_DEG), round(columns * reach_px / np.ptp(gauge.radius))
+    return least_unlike(picture.card, picture.weights, reach)
+
+
+def what_is_alike(gauge: Gauge, picture: CardPicture, *, is_doubted: bool) -> Sequence[str]:
+    """Say of a card that was hardly read if that is because it looks nearly alike at several turns."""
+    is_alike = is_doubted and 1.0 - unlike_itself(gauge, picture) > SURE_SCORE**2
+    return (LOOKS_ALIKE,) if is_alike else ()
+
+
 def _turned_back(turn: float) -> Floats:
     """(2, 2): the matrix that turns a vector anticlockwise by an angle in radians."""
     return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
@@ -293,14 +320,14 @@ def turned(card: Floats, rows: float, *, beyond: int = 0) -> Floats:
 def far_card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> tuple[float, float] | None:
     """Search for a card's pivot with `card_pivot`, in frames (R, C) in which it has turned; None if it stood still.
 
-    It must be clear how most frames have turned around it, or whatever moves over a card that stands still is taken
-    for the card.
+    It must be clear how most frames have turned around it, or that they have turned at all, or whatever moves over a
+    card that stands still is taken for the card. On a compass rose turns are unclear by whole points, around any pivot.
     """
     found = card_pivot(grid, strips)
     if found is None:
         return None
     turns = common_turns(card_rings(grid, strips, found), round(RIVAL_REACH_DEG / ROW_DEG))
-    return found if turns.clear.mean() >= HALF else None
+    return found if turns.clear.mean() >= HALF or not stands_still(grid, strips) else None
 
 
 def stands_still(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> bool:
@@ -501,6 +528,10 @@ class CardKind(Still):
 
     def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
         return card_squeeze(instrument.grid, strips) if is_lost else None
+
+    def findings(self, gauge: Gauge, appearance: Appearance) -> Sequence[str]:
+        name = self._name(gauge)
+        return what_is_alike(gauge, appearance.pictures[name], is_doubted=name in appearance.doubted)
 
     @staticmethod
     def _name(gauge: Gauge) -> str:

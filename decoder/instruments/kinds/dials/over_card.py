@@ -50,6 +50,7 @@ from decoder.instruments.kinds.dials.card import (
     shared,
     stands_still,
     turned,
+    what_is_alike,
 )
 from decoder.instruments.kinds.dials.card_parallax import CardParallax, parallax_of
 from decoder.instruments.kinds.dials.tip_or_tail import BENT_DEG, FOUND_DEG, Facing, View, facing
@@ -735,3 +736,7 @@ class OverCardKind(Still):
         dial = self._dial(instrument.gauge, instrument.grid)
         parts = [dial.card_part(dial.part(strip)) for strip in strips]
         return None if stands_still(dial.card_grid, parts) else card_squeeze(dial.card_grid, parts)
+
+    def findings(self, gauge: Gauge, appearance: Appearance) -> Sequence[str]:
+        picture: OverCardPicture = appearance.pictures[_name(gauge)]
+        return what_is_alike(gauge, picture.card, is_doubted=_name(gauge) in appearance.doubted)
