@@ -327,19 +327,24 @@ class AttitudeReader:
 
     def seen(self, view: _View) -> Seen:
         """Find the horizon in a gauge whose ring has been read."""
-        (strip, turn), turn_part = view, self._own.own.horizon_turn
+        (strip, turn), turn_part, sight = view, self._own.own.horizon_turn, self.horizon(view)
         if turn is None:
-            sight = self._horizon.sight(strip, None)
             ring_deg = (sight.place.turned_deg - self._origin.turned_deg) / turn_part
             is_sure = sight.is_sure and sight.score >= self._least_score
             is_sure = is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
             return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, is_sure, sight)
-        step_deg = self._own.grid.step_deg
-        ring_deg = float(in_turn(np.array(turn.rows * step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
-        sight = self._horizon.sight(strip, self._origin.turned_deg + turn_part * ring_deg)
         is_sure = turn.score >= SCORE_THRESHOLD and turn.is_alone
         is_sure = is_sure and not (sight.is_sure and self._horizon.turns_on(strip, sight.place))
-        return Seen(ring_deg, turn.sigma_rows * step_deg, turn.score, is_sure, sight)
+        return Seen(self._ring_deg(turn), turn.sigma_rows * self._own.grid.step_deg, turn.score, is_sure, sight)
+
+    def horizon(self, view: _View) -> Sight:
+        """Find only where the horizon lies: whether the ring is to be believed takes another fit."""
+        (strip, turn), own = view, self._own.own
+        at_deg = None if turn is None else self._origin.turned_deg + own.horizon_turn * self._ring_deg(turn)
+        return self._horizon.sight(strip, at_deg)
+
+    def _ring_deg(self, turn: Turned) -> float:
+        return float(in_turn(np.array(turn.rows * self._own.grid.step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
 
     def origin_in(self, window: UnwrappedGauge) -> Place | None:
         """Return where the panel picture's window (P, C) shows the horizon, or None where it is not found.
@@ -431,8 +436,8 @@ class _HorizonReader:
         for quarter in range(QUARTERS):
             counts = self._thinned * (rows != quarter)[:, None]
             parts.append(self._fitted(seen, sight.place, counts, is_turn_known=False, is_falling=False))
-        if not all(each.score for each in parts):
-            return replace(sight, is_alone=False)
+            if not parts[-1].score:
+                return replace(sight, is_alone=False)
         places = np.array([(each.place.turned_deg, each.place.down_px) for each in parts])
         off_deg, off_px = np.sqrt((QUARTERS - 1) * places.var(axis=0)).tolist()
         sigma_deg, sigma_px = math.hypot(sight.sigma_deg, off_deg), math.hypot(sight.sigma_px, off_px)
@@ -709,7 +714,7 @@ def _learn_with_law(own: Attitudes, views: Sequence[_View], given: AttitudePictu
 def _unexplained(own: Attitudes, views: Sequence[_View], picture: AttitudePicture, ring: Ring) -> float:
     """Return the part of the horizon's variance that a picture leaves unexplained in frames, on average."""
     reader = AttitudeReader(own, picture, ring)
-    return float(np.mean([1.0 - reader.seen(view).horizon.score ** 2 for view in views]))
+    return float(np.mean([1.0 - reader.horizon(view).score ** 2 for view in views]))
 
 
 def _put_together(
@@ -724,7 +729,7 @@ def _put_together(
     known = given
     for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
-        sights = [(frame[0], reader.seen(frame).horizon) for frame in frames]
+        sights = [(frame[0], reader.horizon(frame)) for frame in frames]
         in_sight = [
             (strip, sight)
             for strip, sight in sights
