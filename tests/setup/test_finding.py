@@ -351,6 +351,7 @@ WHOLE = {
     "compass_2_deg": "nav1_obs_deg", "compass_3_deg": "nav2_obs_deg",
     "automatic_direction_finder_deg": "adf_needle_deg", "bank_deg": "ai_roll_deg",
 }  # fmt: skip
+EVERY = 3
 
 
 @pytest.mark.shared
@@ -359,7 +360,7 @@ WHOLE = {
 @pytest.mark.skipif(not is_there(), reason="numerals are read by the extra `ocr`")
 @pytest.mark.skipif(not SHARED.exists(), reason="../shared is absent")
 def test_a_drawn_cockpit_is_found(tmp_path: Path) -> None:
-    """Ten dials of a whole panel from aside: all of them read right, and no other."""
+    """Ten dials of a whole panel from aside: all of them read right, one of three frames, and no other."""
     frames, pictures = tmp_path / "frames", sorted((SHARED / "cockpit_flight" / "flight_a").glob("*.jpg"))
     frames.mkdir()
     for picture in pictures:
@@ -368,9 +369,9 @@ def test_a_drawn_cockpit_is_found(tmp_path: Path) -> None:
     ran("recorder", "replay", frames, "-o", flight, "--rate", "4")
 
     drafted(SetupSession(open_source([flight]), None, panel))
-    ran("decode", flight, "--panel", panel, "-o", tmp_path, "--format", "csv")
+    ran("decode", flight, "--panel", panel, "-o", tmp_path, "--format", "csv", "--every", str(EVERY))
 
-    truth = rows_of(SHARED / "cockpit_flight" / "flight_a_truth.csv")
+    truth = rows_of(SHARED / "cockpit_flight" / "flight_a_truth.csv")[::EVERY]
     told = rows_of(tmp_path / "flight.csv")
     gauges = yaml_of(panel)["gauges"]
     columns = [(gauge.get("combined") or gauge.get("card") or gauge["needles"][0])["name"] for gauge in gauges]

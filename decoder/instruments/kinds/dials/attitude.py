@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.planes import Squeeze
+from decoder.imaging.resampling import levels_at
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
@@ -805,9 +806,8 @@ def _softened(levels: Floats, across: float, down: float) -> Floats:
 
 def _at(levels: Floats, cells: Floats) -> Floats:
     """Sample a picture (H, W), or several as (H, W, K), at columns and rows of it, (P, C, 2)."""
-    columns, rows = np.asarray(np.moveaxis(cells, -1, 0), np.float32)
-    shown = cv2.remap(np.asarray(levels, np.float32), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(shown, np.float32)
+    places, light = np.asarray(cells, np.float32), np.asarray(levels, np.float32)
+    return np.asarray(levels_at(light, places), np.float32).reshape(*places.shape[:2], *light.shape[2:])
 
 
 def _ring_of(own: Attitudes, picture: AttitudePicture) -> CardReader | None:
