@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -14,6 +15,7 @@ from fixtures.film import film as animation_film
 from flight_file.reader import open_flight
 from tests.programs import A1, FIXTURES, ran, rows_of
 
+Decoded = Any
 PANEL = FIXTURES / "panel.yaml"
 NEEDLES = ("fuel_al_lb", "fuel_fr_lb")
 
@@ -45,10 +47,9 @@ def whole(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[s
     return rows_of(folder / "cockpit.csv")
 
 
-def test_a_film_is_read_as_its_frames_are(whole: list[dict[str, str]], tmp_path: Path) -> None:
+def test_a_film_is_read_as_its_frames_are(whole: list[dict[str, str]], decoded_a1: Decoded) -> None:
     """In the order of time, numbered so, to within a quarter of a percent of the scale."""
-    assert ran("decode", A1, "-o", tmp_path).returncode == 0
-    photographs = rows_of(tmp_path / "thesis_a1.csv")
+    photographs = decoded_a1.rows
 
     assert [row["frame"] for row in whole] == [str(number) for number in range(20)]
     assert [row["time_utc"] for row in whole] == [row["time_utc"] for row in photographs]

@@ -214,11 +214,8 @@ def test_a_ring_that_is_none_is_left_out(window_px: int, ring_px: int, rim_px: i
     assert told.startswith("bank is read from its horizon alone")
 
 
-@pytest.mark.slow
-def test_a_ring_that_turns_with_its_horizon_is_no_finding() -> None:
-    """It is read, and nothing is said of it."""
-    reader = reader_for([described(ring=True)], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1), flight(ring=True))
-
+def test_a_ring_that_turns_with_its_horizon_is_no_finding(reader: PanelReader) -> None:
+    """It is read, and nothing is said of it; nor where there is none."""
     assert AttitudeKind().findings(reader.source.panel.gauges[0], reader.appearance) == ()
 
 
