@@ -18,6 +18,7 @@ import numpy as np
 from decoder.imaging.sorting import median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
+from decoder.instruments.appearance import Placed
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIDDLE_PART, SURE_SCORE
@@ -350,11 +351,18 @@ def _first(strip: Floats, at_row: float, rows: int, plain: Floats) -> LinearPict
     return LinearPicture(strip, face, *_sides(pointer, [strip], [at_row]), pointer, pointer, at_row)
 
 
-def _the_other_way(given: LinearPicture) -> list[LinearPicture]:
-    """Take what was thought to be the bar in the panel picture for the scale, and the scale for the bar."""
-    bar = given.before if given.bar[0] else given.behind if given.bar[1] else given.drawn[:0]
-    known = np.isfinite(bar).all(axis=1)
-    return [_first(given.drawn, given.at_row, given.given.rows, median_of(bar[known]))] if known.any() else []
+def _otherwise(given: LinearPicture) -> list[LinearPicture]:
+    """Take for the scale what the panel picture shows before its pointer, or behind it, if the other is then a bar.
+
+    A bar that covers half of its window there may be taken for its scale, or for neither.
+    """
+    beside_rows = given.given.rows / 2
+    before = given.drawn[: max(math.floor(given.at_row - beside_rows), 0)]
+    behind = given.drawn[math.ceil(given.at_row + beside_rows) + 1 :]
+    tried = [
+        _first(given.drawn, given.at_row, given.given.rows, median_of(side)) for side in (before, behind) if len(side)
+    ]
+    return [one for one in tried if any(one.bar) and one.bar != given.bar]
 
 
 def _sides(pointer: NeedleTemplate, seen: Sequence[Floats], rows: Sequence[float]) -> tuple[Floats, Floats]:
@@ -419,7 +427,7 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
     views = [view for view in lit if view is not None]
     if len(views) < FRAMES_TO_LEARN:
         return given
-    tried = [_taught(slide, each, views) for each in (given, *_the_other_way(given))]
+    tried = [_taught(slide, each, views) for each in (given, *_otherwise(given))]
     return max(tried, key=lambda one: one[1])[0]
 
 
@@ -523,6 +531,13 @@ class LinearKind(WindowKind):
         self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LinearPicture
     ) -> LinearPicture:
         return learn_linear(Slide.of(gauge, grid), strips, known)
+
+    def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
+        gauge, grid = placed.gauge, placed.window
+        picture = self.learned(gauge, grid, strips, self.first(gauge, grid, drawn))
+        frames = self.window_reader(gauge, grid, picture).read(np.stack(strips), np.zeros(len(strips)))
+        found = [own for each in frames for own in each.values()]
+        return float(np.mean([1.0 - own.score**2 if own.status is Status.READ else 1.0 for own in found]))
 
     def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LinearPicture) -> SlideReader:
         return SlideReader(Slide.of(gauge, grid), picture)
