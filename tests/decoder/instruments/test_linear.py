@@ -287,3 +287,12 @@ def test_a_blurred_end_of_a_bar_is_not_doubted_if_it_is_drawn_there(levels: tupl
 
     assert found["flap_deg"].status is Status.READ
     assert found["flap_deg"].sigma_deg == pytest.approx(0.5, abs=0.15)
+
+
+def test_a_bright_bar_in_a_black_slot_is_read_through_haze_and_without() -> None:
+    """The black is several times darker in a clear frame, or brighter in a hazy one, but the bar is as it was."""
+    levels = (210.0, 15.0)
+    clear, hazy = (mercury(112.0, 50, levels=levels) + offset for offset in (-12.0, 40.0))
+    found = mercury_of(levels).read(np.stack([clear, hazy]), np.zeros(2))
+
+    assert [own["flap_deg"].status for own in found] == [Status.READ] * 2

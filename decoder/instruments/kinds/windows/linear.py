@@ -230,13 +230,13 @@ class SlideReader:
         own = slice(top, top + self._pointer.rows)
         known = self._known_around(row)
         known[own] = np.nan
-        telling = known > NOISE_LEVELS
+        strength = float((self._pointer.light + self._pointer.transparency * self._face[own]).std(axis=0).mean())
+        telling = known > strength  # haze changes darker parts by more than the light does
         if not telling.any():
             return True
         usual = float(np.median(window[telling] / known[telling]))
         if any(self._picture.bar):  # it may be stronger here than where it was learned
-            shown = self._pointer.light + self._pointer.transparency * self._face[own]
-            usual *= float(self._picture.ending_on(row)[own].std(axis=0).mean() / shown.std(axis=0).mean())
+            usual *= float(self._picture.ending_on(row)[own].std(axis=0).mean()) / strength
         return HALF * gain < usual
 
     def _is_rest_as_known(self, window: Floats, row: float, gain: float) -> bool:
