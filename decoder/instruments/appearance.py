@@ -206,6 +206,10 @@ class Still:
         """Return all rows and columns."""
         return ALL
 
+    def unexplained(self, _placed: Placed, _drawn: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]) -> float | None:
+        """Return None."""
+        return None
+
     def grower(self, _instrument: Instrument, _appearance: Appearance) -> Grower | None:
         """Return None."""
         return None

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from decoder.imaging.planes import Squeeze
 from decoder.imaging.unwrapping import Grid, UnwrappedGauge
-from decoder.instruments.appearance import Appearance, DrawnInstrument, Grower, Instrument, LearnedPicture, Look
+from decoder.instruments.appearance import Appearance, DrawnInstrument, Grower, Instrument, LearnedPicture, Look, Placed
 from decoder.instruments.sampling import GaugeSampler, Part, Reader, SeenGauge
 from decoder.panel.gauge import Gauge
 from decoder.panel.vocabulary import Method
@@ -51,6 +51,14 @@ class Kind(Protocol):
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
         """Learn its look beyond face and templates from a sample's frames in one light; the result is by quantity."""
+        ...
+
+    def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
+        """Return the part of a sample's frames that is left unexplained once it has learned from them.
+
+        The panel picture, `drawn`, and the frames are in one mixture of colours: the best mixture leaves least. None if
+        the kind does not compare mixtures in this way, since learning takes too long to be repeated for each.
+        """
         ...
 
     def grower(self, instrument: Instrument, appearance: Appearance) -> Grower | None:

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
 from decoder.imaging.picture_block import TopOfFrame
-from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.imaging.pictures import FramePicture, GreyPicture, Mixture
 from decoder.imaging.unwrapping import Unwrapper, WindowGrid
+from decoder.instruments.appearance import Placed
 from decoder.instruments.colours import (
+    LUMA,
     best_mixture,
     changes_in_luma,
     mixtures_for,
@@ -21,7 +24,9 @@ from decoder.instruments.colours import (
     rows_shown,
     shows_colour,
 )
+from decoder.instruments.kind_table import kind_of
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, taken
+from decoder.instruments.thresholds import CLEARLY_WORSE
 from decoder.learning.thresholds import LOOKED_AT, SAMPLE_FRAMES
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
@@ -58,8 +63,7 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
         gauge, grid, frames = gauges[index], grids[index], [own[place] for own in seen]
         if index not in lost and changes_in_luma(grid, drawn[index], frames):
             continue
-        choice = mixtures_for(gauge, grid, drawn[index], frames)
-        best = best_mixture(grid, drawn[index], frames, needle_rows(gauge, grid), choice)
+        best = _best_mixture(Placed(index, gauge, grid), drawn[index], frames, is_lost=index in lost)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
         return reader
@@ -67,6 +71,26 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     changed = {index for index, own in enumerate(mixtures) if own != before[index]}
     look = appearance_from_panel(panel, reader.appearance, otherwise=changed)
     return PanelReader.of(panel.source, reader.method, look, reader.placement, panel)
+
+
+def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is_lost: bool) -> Mixture | None:
+    """Choose the mixture in which a gauge is read best, given as for `mixtures_for`; None if luma is about as good.
+
+    Of a gauge that is lost in luma, its kind tells how much each mixture leaves unexplained. Contrast alone would be
+    content with a mixture that shows a bar over one half of its scale very well, and over the other not at all.
+    """
+    gauge, grid = placed.gauge, placed.sampled
+    choice = mixtures_for(gauge, grid, drawn, frames)
+
+    def left_in(parts: Floats) -> float | None:
+        return kind_of(gauge).unexplained(placed, drawn @ parts, [each @ parts for each in frames])
+
+    in_luma = left_in(LUMA.astype(np.float32)) if is_lost and frames else None
+    if in_luma is None:
+        return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), choice)
+    left = [(each, left_in(each.parts.astype(np.float32))) for each in choice]
+    better = [(part, mixture) for mixture, part in left if part is not None and CLEARLY_WORSE * part < in_luma]
+    return min(better, key=itemgetter(0), default=(0.0, None))[1]
 
 
 def _panels_colours(reader: PanelReader, indices: Sequence[int]) -> list[Floats]:

@@ -365,3 +365,52 @@ def test_hands_that_differ_by_their_colour_only_are_read_where_it_tells_them_apa
             )
     assert fitted.findings["manifold"][0].startswith("read in red")
     assert read > 36
+
+
+SLOT: Colour = (82.0, 82.0, 82.0)
+LEVEL = {
+    "name": "level",
+    "window": [[44, 20], [60, 20], [60, 160], [44, 160]],
+    "linear": {"name": "level_pct", "moves": "down", "at": 90, "span": 14, "marks": [[150, 0], [30, 100]]},
+}
+
+
+def graded(part: float) -> Colour:
+    """From blue at the bottom to red at the top; somewhere it is as red as its slot."""
+    return 230.0 * part, 10.0, 230.0 * (1.0 - part)
+
+
+def warning(part: float) -> Colour:
+    """Green as bright as its slot, and yellow above a level."""
+    return (250.0, 245.0, 10.0) if part > 0.75 else (10.0, 130.0, 20.0)
+
+
+def level_of(pct: float, seed: int, colour: Callable[[float], Colour]) -> bytes:
+    """A JPEG of a bar in a grey slot, whose colour at a part of its scale a function gives."""
+
+    def plane(place: int) -> np.ndarray:
+        canvas = Canvas()
+        canvas.polygon([(34, 10), (70, 10), (70, 170), (34, 170)], 50.0)
+        canvas.polygon([(44, 20), (60, 20), (60, 160), (44, 160)], SLOT[place])
+        for step in range(round(20.0 + 2.4 * pct)):
+            y = 160.0 - step / 2
+            canvas.polygon([(46, y), (58, y), (58, y - 0.5), (46, y - 0.5)], colour((150.0 - y) / 120.0)[place])
+        return finished(canvas, noise=2.0, blur=0.7, quality=98, seed=3 * seed + place)
+
+    return jpeg_of(plane)
+
+
+@pytest.mark.parametrize("colour", [graded, warning])
+def test_a_bar_is_read_in_the_colour_in_which_it_shows_everywhere(colour: Callable[[float], Colour]) -> None:
+    """In another, which shows more contrast on the whole, a part of it is as bright as its slot.
+
+    It fills half of its window in the panel picture, which alone does not show what is bar and what is slot.
+    """
+    shown_pct = [50.0 + 44.0 * math.sin(0.4 * number + 0.2) for number in range(24)]
+    jpegs = [level_of(pct, seed, colour) for seed, pct in enumerate(shown_pct, start=1)]
+    fitted = fitted_of([LEVEL], level_of(50.0, 0, colour), jpegs)
+    read = [each.readings["level_pct"] for each in read_of(fitted, jpegs)]
+    scale = Scale.of(fitted.panel.gauges[0].quantities[0].marks)
+
+    assert [own.status for own in read] == [Status.READ] * len(read)
+    assert scale.values_at(np.array([own.angle_deg for own in read])) == pytest.approx(shown_pct, abs=0.7)

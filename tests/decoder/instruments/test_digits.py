@@ -128,6 +128,17 @@ def test_a_display_that_moves_its_point_is_not_read(taught: tuple[WindowGrid, Di
     assert [one.status for one in found] == [Status.READ, Status.MISSING, Status.MISSING]
 
 
+def test_a_speck_of_dirt_where_a_point_may_be_is_no_dark_point() -> None:
+    """A display that is clean in the flight shows no other point than its panel picture."""
+    grid, text = PLAIN.grid(), PLAIN.picture(SHOWS)
+    speck = Drawn(points=(0,)).picture(SHOWS) - text
+    display = known(DIGITS, grid, exposed(text - 0.5 * speck, ground=60.0))
+
+    found = read(DIGITS, display, [sampled(grid, exposed(PLAIN.picture(each), ground=60.0)) for each in VALUES])
+
+    assert [told(one) for one in found] == VALUES
+
+
 @pytest.mark.parametrize(("digit", "form"), [("7", "abcf"), ("6", "cdefg"), ("9", "abcfg")])
 def test_the_flight_tells_how_a_digit_is_drawn_that_the_panel_picture_does_not_show(digit: str, form: str) -> None:
     """A display that draws a digit in another way than most is read like any other."""

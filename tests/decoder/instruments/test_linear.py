@@ -240,3 +240,59 @@ def test_a_bar_as_bright_as_its_scale_is_read_after_it_stood_still_for_long() ->
     """A column that hardly shows where it is drawn, and stays there for half the flight, is read where it falls to."""
     heights = np.concatenate([np.full(8, 60.0), np.linspace(66.0, 116.0, 8)])
     assert_read(column, (60.0, 16.0), heights, np.linspace(60.0, 114.0, 19))
+
+
+def mercury(
+    at_y: float, seed: int = 0, *, tip_from: float = 0.0, levels: tuple[float, float] = (50.0, 235.0)
+) -> Floats:
+    """A bar that rises from below to a height, in a slot with a frame; it is white above another height, if any."""
+
+    def drawn(_: Floats, y: Floats) -> Floats:
+        own = np.where(y < tip_from, 250.0, levels[0])
+        part = 1.0 / (1.0 + np.exp((at_y - y) / 1.2))
+        return np.where((y < 26.0) | (y > 136.0), 90.0, part * own + (1.0 - part) * levels[1])
+
+    return seen(GRID, drawn, seed)
+
+
+def test_a_bar_is_read_where_one_frame_alone_showed_it() -> None:
+    """There it covered most of its window, and had been taken for a scale in other light."""
+    heights = np.array([*np.linspace(92.0, 118.0, 15), 36.0])
+    assert_read(mercury, (105.0, 16.0), heights, np.linspace(36.0, 116.0, 21))
+
+
+def mercury_of(levels: tuple[float, float], drawn_y: float = 90.0) -> SlideReader:
+    """A reader of such a bar, taught by a flight."""
+    gauge, grid = gauge_of(
+        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": drawn_y, "span": 16.0, "marks": MARKS}
+    )
+    slide = Slide.of(gauge, grid)
+    strips = [mercury(at_y, seed + 1, levels=levels) for seed, at_y in enumerate(np.linspace(60.0, 118.0, 16).tolist())]
+    return SlideReader(slide, learn_linear(slide, strips, first_linear(slide, mercury(drawn_y, levels=levels))))
+
+
+@pytest.mark.parametrize("over_px", [12.0, 18.0, 24.0])
+def test_where_a_bar_changes_its_colour_is_not_its_end(over_px: float) -> None:
+    """Above a level it is brighter than its scale: the step there is stronger than the light on the rest makes it."""
+    levels = (20.0, 120.0)
+    (found,) = mercury_of(levels).read(mercury(60.0 - over_px, 50, tip_from=60.0, levels=levels)[None], np.zeros(1))
+
+    assert found["flap_deg"].status is Status.MISSING
+
+
+@pytest.mark.parametrize("levels", [(20.0, 85.0), (85.0, 20.0)])
+def test_a_blurred_end_of_a_bar_is_not_doubted_if_it_is_drawn_there(levels: tuple[float, float]) -> None:
+    """Its learned pointer covers a pixel or two more of the scale, or less, than the bar does."""
+    (found,) = mercury_of(levels).read(mercury(80.0, 50, levels=levels)[None], np.zeros(1))
+
+    assert found["flap_deg"].status is Status.READ
+    assert found["flap_deg"].sigma_deg == pytest.approx(0.5, abs=0.15)
+
+
+def test_a_bright_bar_in_a_black_slot_is_read_through_haze_and_without() -> None:
+    """The black is several times darker in a clear frame, or brighter in a hazy one, but the bar is as it was."""
+    levels = (210.0, 15.0)
+    clear, hazy = (mercury(112.0, 50, levels=levels) + offset for offset in (-12.0, 40.0))
+    found = mercury_of(levels).read(np.stack([clear, hazy]), np.zeros(2))
+
+    assert [own["flap_deg"].status for own in found] == [Status.READ] * 2

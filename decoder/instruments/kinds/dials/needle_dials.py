@@ -19,6 +19,7 @@ from decoder.instruments.appearance import (
     Instrument,
     LearnedPicture,
     Look,
+    Placed,
     needles_in_picture,
     rows_to_others,
 )
@@ -89,6 +90,9 @@ class NeedleKind:
         self, _: Instrument, __: Sequence[UnwrappedGauge], ___: Mapping[str, LearnedPicture]
     ) -> Mapping[str, LearnedPicture]:
         return {}
+
+    def unexplained(self, _: Placed, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> float | None:
+        return None
 
     def grower(self, _: Instrument, __: Appearance) -> Grower | None:
         return None

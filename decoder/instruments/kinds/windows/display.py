@@ -129,7 +129,9 @@ class Display:
         # A point is small, and its brightness in a single picture known to a half of it.
         out = described & (self._points >= MIN_LIGHT_GAIN) & (points < HALF * HALF * self._points)
         close = np.diff(self.segments.cells[:, 1]) == 0
-        other: Mask = (out | (close & (points > self._points + MIN_LIGHT_GAIN))).any(axis=1)
+        # No point is darker than none: what seems so in the panel picture is a digit beside it.
+        dark = np.maximum(self._points, 0.0)
+        other: Mask = (out | (close & (points > dark + MIN_LIGHT_GAIN))).any(axis=1)
         return ~other
 
     def taught(self, strips: Floats) -> Display:

@@ -18,6 +18,7 @@ import numpy as np
 from decoder.imaging.sorting import median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
+from decoder.instruments.appearance import Placed
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIDDLE_PART, SURE_SCORE
@@ -73,6 +74,12 @@ class LinearPicture:
         """Whether its pointer is the end of a bar that goes on before it, or behind it, as the panel picture shows."""
         return _bar_sides(self.given)
 
+    def ending_on(self, row: float) -> Floats:
+        """(R, C): what the window shows if its bar ends on a row; unknown parts are as the nearest that are known."""
+        sides = (self.before, self.pointer.pixels[0]), (self.behind, self.pointer.pixels[-1])
+        before, behind = (_filled_up(*side) for side in sides)
+        return np.where(np.arange(len(self.face))[:, None] < row, before, behind)
+
 
 @dataclass(frozen=True, slots=True)
 class Slide:
@@ -117,8 +124,7 @@ class SlideReader:
     """Reads one linear scale."""
 
     def __init__(self, slide: Slide, picture: LinearPicture, *, begins: float | None = None) -> None:
-        self._slide, self._pointer, self._face = slide, picture.pointer, picture.face
-        self._before, self._behind = picture.before, picture.behind
+        self._slide, self._picture, self._pointer, self._face = slide, picture, picture.pointer, picture.face
         self._name = slide.own.name
         self._hand_px = math.hypot(MARK_PX, MIDDLE_PART * _beside_rows(picture) * slide.row_px)
         self._axis = (picture.pointer.rows - 1) // 2
@@ -180,7 +186,8 @@ class SlideReader:
         found, is_alone = self.found(along)
         is_read = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
         for number in np.flatnonzero(is_read).tolist():
-            is_read[number] = self._is_rest_as_known(along[number], found.row[number], found.gain[number])
+            where = along[number], found.row[number], found.gain[number]
+            is_read[number] = self._is_in_light_of_rest(*where) and self._is_rest_as_known(*where)
         if self._other is None:
             return found, is_read
         other, is_other = self._other.seen_in(along)
@@ -206,16 +213,40 @@ class SlideReader:
             is_alone[doubt] &= left > CLEARLY_WORSE * (1.0 - np.nan_to_num(found.score[doubt]) ** 2)
         return found, is_alone
 
+    def _top_at(self, row: float, count: int) -> int:
+        """Return the first row of a pointer; at a window's end, it may lie most of a row beyond where it fits in."""
+        return int(np.clip(round(row) - self._axis, 0, count - self._pointer.rows))
+
+    def _known_around(self, row: float) -> Floats:
+        """(R, C): the scale, and the bar, with the pointer on a row; NaN where no picture showed them."""
+        return np.where(np.arange(len(self._face))[:, None] < row, self._picture.before, self._picture.behind)
+
+    def _is_in_light_of_rest(self, window: Floats, row: float, gain: float) -> bool:
+        """Whether a pointer is less than twice as strong as the light on the rest of its window (R, C) makes it.
+
+        What is stronger is an edge of something else: of another colour that a bar has above a level, or of a glint.
+        """
+        top = self._top_at(row, len(window))
+        own = slice(top, top + self._pointer.rows)
+        known = self._known_around(row)
+        known[own] = np.nan
+        strength = float((self._pointer.light + self._pointer.transparency * self._face[own]).std(axis=0).mean())
+        telling = known > strength  # haze changes darker parts by more than the light does
+        if not telling.any():
+            return True
+        usual = float(np.median(window[telling] / known[telling]))
+        if any(self._picture.bar):  # it may be stronger here than where it was learned
+            usual *= float(self._picture.ending_on(row)[own].std(axis=0).mean()) / strength
+        return HALF * gain < usual
+
     def _is_rest_as_known(self, window: Floats, row: float, gain: float) -> bool:
         """Whether a window (R, C) shows the scale, and the bar, where the pointer is not.
 
         What differs from them within as much of the scale as a pointer takes, and is half as strong, may be the pointer
         itself, or something that lies over it: what was found may be its edge.
         """
-        height = self._pointer.rows
-        # At a window's end, a pointer may lie up to most of a row beyond where it fits in.
-        top = int(np.clip(round(row) - self._axis, 0, len(window) - height))
-        known = np.where(np.arange(len(window))[:, None] < row, self._before, self._behind)
+        height, top = self._pointer.rows, self._top_at(row, len(window))
+        known = self._known_around(row)
         known[max(top - self._axis, 0) : top + height + self._axis] = np.nan
         # Light may differ from place to place, and a pointer across this one cross it, but not from row to row.
         spread = _spread_around(window - gain * known, height)
@@ -250,6 +281,16 @@ def _where(which: Mask, these: Settled, those: Settled) -> Settled:
     """Return these in some frames (F,), and those in the others."""
     parts = ("row", "sigma_rows", "score", "correlation", "gain", "is_settled")
     return Settled(*(np.where(which, getattr(these, name), getattr(those, name)) for name in parts))
+
+
+def _filled_up(side: Floats, otherwise: Floats) -> Floats:
+    """(R, C): take rows that no picture shows from the nearest that one does, if there is any."""
+    shown = np.flatnonzero(np.isfinite(side).all(axis=1))
+    if not shown.size:
+        return np.broadcast_to(otherwise, side.shape)
+    nearest = shown[np.abs(np.arange(len(side))[:, None] - shown).argmin(axis=1)]
+    filled: Floats = side[nearest]
+    return filled
 
 
 def _filled(picture: LinearPicture) -> Mask:
@@ -310,11 +351,18 @@ def _first(strip: Floats, at_row: float, rows: int, plain: Floats) -> LinearPict
     return LinearPicture(strip, face, *_sides(pointer, [strip], [at_row]), pointer, pointer, at_row)
 
 
-def _the_other_way(given: LinearPicture) -> list[LinearPicture]:
-    """Take what was thought to be the bar in the panel picture for the scale, and the scale for the bar."""
-    bar = given.before if given.bar[0] else given.behind if given.bar[1] else given.drawn[:0]
-    known = np.isfinite(bar).all(axis=1)
-    return [_first(given.drawn, given.at_row, given.given.rows, median_of(bar[known]))] if known.any() else []
+def _otherwise(given: LinearPicture) -> list[LinearPicture]:
+    """Take for the scale what the panel picture shows before its pointer, or behind it, if the other is then a bar.
+
+    A bar that covers half of its window there may be taken for its scale, or for neither.
+    """
+    beside_rows = given.given.rows / 2
+    before = given.drawn[: max(math.floor(given.at_row - beside_rows), 0)]
+    behind = given.drawn[math.ceil(given.at_row + beside_rows) + 1 :]
+    tried = [
+        _first(given.drawn, given.at_row, given.given.rows, median_of(side)) for side in (before, behind) if len(side)
+    ]
+    return [one for one in tried if any(one.bar) and one.bar != given.bar]
 
 
 def _sides(pointer: NeedleTemplate, seen: Sequence[Floats], rows: Sequence[float]) -> tuple[Floats, Floats]:
@@ -353,10 +401,16 @@ def _bar_sides(pointer: NeedleTemplate) -> tuple[bool, bool]:
 
 def _beside_rows(picture: LinearPicture) -> float:
     """Return how far a pointer's middle, or a bar's end, lies from its zero: all readings may be off by as much."""
-    pointer = picture.pointer
-    if any(picture.bar):  # drawn at its end, it covers half of its picture
-        return abs(float((1.0 - pointer.transparency.mean(axis=1)).sum()) - pointer.rows / 2)
-    return abs(pointer.beside_deg)
+    before, behind = picture.bar
+    if not (before or behind):
+        return abs(picture.pointer.beside_deg)
+    # Drawn at its end, a bar covers half of its picture. How much a learned pointer covers shows it less well: at its
+    # edge, that is not told from how bright it is there.
+    rows = picture.given.rows
+    own = picture.given.pixels - _behind(picture.face, picture.at_row, rows)
+    whole = (own[:MIN_VIEWS] if before else own[-MIN_VIEWS:]).mean(axis=0)
+    covered = np.clip(own @ whole / max(float(whole @ whole), NOISE_LEVELS**2), 0.0, 1.0)
+    return abs(float(covered.sum()) - rows / 2)
 
 
 def _behind(face: Floats, row: float, rows: int) -> Floats:
@@ -373,7 +427,7 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
     views = [view for view in lit if view is not None]
     if len(views) < FRAMES_TO_LEARN:
         return given
-    tried = [_taught(slide, each, views) for each in (given, *_the_other_way(given))]
+    tried = [_taught(slide, each, views) for each in (given, *_otherwise(given))]
     return max(tried, key=lambda one: one[1])[0]
 
 
@@ -399,6 +453,8 @@ def _sure(slide: Slide, picture: LinearPicture, views: Sequence[Floats]) -> tupl
 
 def _learned(known: LinearPicture, seen: Sequence[Floats], rows: Floats) -> LinearPicture:
     """Learn scale and pointer from views (R, C) and the rows at which it was found in them."""
+    if any(known.bar):
+        seen = [_relit(view, known.ending_on(row)) for view, row in zip(seen, rows.tolist(), strict=True)]
     covered = [_covered(known.face.shape, known.pointer, row, known.bar) for row in rows.tolist()]
     before, behind = _sides(known.pointer, [*seen, known.drawn], [*rows.tolist(), known.at_row])
     fills_before, fills_behind = known.bar
@@ -408,6 +464,15 @@ def _learned(known: LinearPicture, seen: Sequence[Floats], rows: Floats) -> Line
     face = learn_face(seen, [np.flatnonzero(each) for each in covered], fallback)
     learned = replace(known, face=face, before=before, behind=behind)
     return replace(learned, pointer=_pointer(learned, seen, rows))
+
+
+def _relit(view: Floats, shown: Floats) -> Floats:
+    """(R, C): bring a view into the light of the bar and scale that it shows.
+
+    Where a bar covers most of a window in one picture and little in another, the whole of it seems to be lit otherwise.
+    """
+    (lit,) = in_light_of(shown, [view])
+    return view if lit is None else lit
 
 
 def _bared(given: LinearPicture, views: Sequence[Floats]) -> LinearPicture:
@@ -466,6 +531,13 @@ class LinearKind(WindowKind):
         self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LinearPicture
     ) -> LinearPicture:
         return learn_linear(Slide.of(gauge, grid), strips, known)
+
+    def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
+        gauge, grid = placed.gauge, placed.window
+        picture = self.learned(gauge, grid, strips, self.first(gauge, grid, drawn))
+        frames = self.window_reader(gauge, grid, picture).read(np.stack(strips), np.zeros(len(strips)))
+        found = [own for each in frames for own in each.values()]
+        return float(np.mean([1.0 - own.score**2 if own.status is Status.READ else 1.0 for own in found]))
 
     def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LinearPicture) -> SlideReader:
         return SlideReader(Slide.of(gauge, grid), picture)
