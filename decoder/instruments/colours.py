@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import combinations, product
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -152,7 +153,8 @@ def best_mixture(
     needles
         As `needle_rows`. The mixture must show the needle that is least clear in luma better, and no other may become
         less clear than that one was; if no mixture does, the same test is applied to the two needles that luma
-        distinguishes least. Without needles, everything that changes between frames is compared.
+        distinguishes least. Without needles, everything that changes between frames is compared. Of mixtures that are
+        about as clear, the one in which the panel picture's needles are found again best is chosen.
     choice
         As `mixtures_for`.
     """
@@ -168,8 +170,24 @@ def best_mixture(
             if clear[dimmest] > CLEARLY_WORSE * least and min(clear[:count] + clear[part]) > least
         ]
         if better:
-            return max(better, key=lambda mixture: min(told[mixture][:count] + told[mixture][part]))
+            least_clear = {each: min(told[each][:count] + told[each][part]) for each in better}
+            clear = [each for each in better if CLEARLY_WORSE * least_clear[each] >= max(least_clear.values())]
+            return min(clear, key=lambda each: (_not_found_again(drawn, seen, needles, each.parts), -least_clear[each]))
     return None
+
+
+def _not_found_again(
+    drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], parts: NDArray[np.float64]
+) -> float:
+    """Return the part of needles, as the panel picture shows them, that frames leave unexplained on average.
+
+    What a reflection or another light adds may be strong in one colour, and hardly show in another that is as clear.
+    """
+    weights = parts.astype(np.float32)
+    views = [each @ weights for each in seen]
+    cuts = [(drawn @ weights)[its] for its in needles]
+    found = [cv2.matchTemplate(view, cut, cv2.TM_CCOEFF_NORMED).max() for cut in cuts for view in views]
+    return float(np.mean(1.0 - np.square(found))) if found else 0.0
 
 
 def _clearness(

@@ -14,6 +14,8 @@ import yaml
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.picture_block import PictureBlock
 from decoder.imaging.pictures import ColourPicture, FramePicture, Mixture, colour_picture, grey_picture
+from decoder.imaging.unwrapping import row_of_angle
+from decoder.instruments.colours import best_mixture, needle_rows
 from decoder.instruments.frame_batch import RawFrame, read_batch
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.learning.fit import FittedReader, fit_to_flight, reader_from_panel
@@ -414,3 +416,28 @@ def test_a_bar_is_read_in_the_colour_in_which_it_shows_everywhere(colour: Callab
 
     assert [own.status for own in read] == [Status.READ] * len(read)
     assert scale.values_at(np.array([own.angle_deg for own in read])) == pytest.approx(shown_pct, abs=0.7)
+
+
+def test_of_colours_as_clear_the_one_without_reflections_is_chosen() -> None:
+    """Against blue a needle stands out most, but so does what a sky adds."""
+    gauge = panel_of(draw(AT_DEG, RED, TEAL, 0), GAUGES[:1])
+    grid, rng = gauge.grid(0), np.random.default_rng(4)
+    dial = np.full((grid.rows, grid.columns, 3), (140.0, 105.0, 100.0), np.float32)
+    dial[::20, -12:] = 20.0
+
+    def shown(angle_deg: float) -> np.ndarray:
+        rows = round(row_of_angle(grid, angle_deg)) + np.arange(-6, 7)
+        strip = dial.copy()
+        strip[rows] = (210.0, 68.0, 50.0)
+        return (strip + rng.normal(0.0, 2.0, strip.shape)).astype(np.float32)
+
+    def under_sky(strip: np.ndarray, first: int) -> np.ndarray:
+        sky = np.zeros_like(strip)
+        sky[first : first + grid.rows // 4, : grid.columns // 2, 2] = 60.0
+        return strip + sky
+
+    frames = [under_sky(shown(angle_deg), 9 * place) for place, angle_deg in enumerate(ANGLES_DEG)]
+    against_blue, against_green = Mixture(1, 0, -1), Mixture(1, -1, 0)
+    needles = needle_rows(gauge.panel.gauges[0], grid)
+
+    assert best_mixture(grid, shown(AT_DEG), frames, needles, [against_blue, against_green]) == against_green
