@@ -18,9 +18,10 @@ from decoder.instruments.appearance import Instrument, LearnedPicture
 from decoder.instruments.kind_table import kind_of
 from decoder.instruments.missing import is_lost
 from decoder.instruments.needle_learner import NeedleLearner, Readings
+from decoder.instruments.needle_lines import places_of
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
+from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN, MIN_PLACES
 from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
@@ -160,16 +161,28 @@ def learn_hidden_looks(
 
 
 def _as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:
-    """Treat missing needles with likely matches as EDGE or, if they match well on a lost gauge, as READ to teach."""
+    """Treat missing needles with likely matches as EDGE or, on a lost gauge, as READ to teach.
+
+    What matches less well there teaches only if it is found at several places: at few, it may be print.
+    """
     lost = {each.name for gauge in gauges if is_lost(gauge, found) for each in gauge.quantities}
+    moving = {
+        name
+        for name in lost
+        if places_of(readings[name].angle_deg for readings in found if _is_likely(readings[name])) > MIN_PLACES
+    }
 
     def likely(name: str, reading: Reading) -> Reading:
-        if reading.status is not Status.MISSING or reading.score < LIKELY_SCORE or not math.isfinite(reading.angle_deg):
+        if reading.status is not Status.MISSING or not _is_likely(reading):
             return reading
-        teaches = name in lost and reading.score >= SCORE_THRESHOLD
+        teaches = name in moving or (name in lost and reading.score >= SCORE_THRESHOLD)
         return replace(reading, status=Status.READ if teaches else Status.EDGE)
 
     return [{name: likely(name, reading) for name, reading in readings.items()} for readings in found]
+
+
+def _is_likely(reading: Reading) -> bool:
+    return reading.score >= LIKELY_SCORE and math.isfinite(reading.angle_deg)
 
 
 def _missing(gauge: Gauge, found: Sequence[Readings]) -> int:
