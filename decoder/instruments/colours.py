@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import Mixture
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
+from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper, WindowGrid, row_of_angle
 from decoder.instruments.thresholds import CLEARLY_WORSE
 from decoder.matching.faces import in_light_of
@@ -117,7 +118,39 @@ def mixtures_for(gauge: Gauge, grid: Grid, drawn: Floats, seen: Sequence[Floats]
         return list(mixtures())
     alone = Mixture(1, 0, 0), Mixture(0, 1, 0), Mixture(0, 0, 1)
     brightens = gauge.kind.brightens
-    return [each for each in alone if brightens is None or _brightens(grid, drawn, seen, each.parts) == brightens]
+    if brightens is None:
+        return _showing_as_much_as_luma(alone, grid, drawn, seen)
+    return [each for each in alone if _brightens(grid, drawn, seen, each.parts) == brightens]
+
+
+def _showing_as_much_as_luma(
+    mixtures: Sequence[Mixture], grid: WindowGrid, drawn: Floats, seen: Sequence[Floats]
+) -> list[Mixture]:
+    """Keep the mixtures that show a window change wherever luma does.
+
+    A bar that is yellow, then red, stands out from black most in green, but there it seems to end where its red begins.
+    """
+    luma_seen = [each @ LUMA for each in seen]
+    lit = _in_light(grid, drawn @ LUMA, luma_seen)
+    if len(lit) < max(len(seen), MIN_VIEWS):
+        return list(mixtures)
+    gains = [float(bright.mean() / max(own.mean(), 1.0)) for bright, own in zip(lit, luma_seen, strict=True)]
+    views = np.stack([gain * each[grid.within] for gain, each in zip(gains, seen, strict=True)])
+    luma = _lines_shown(views, LUMA)
+
+    def hides(mixture: Mixture) -> bool:
+        hidden = (luma > CLEARLY_WORSE**2) & (_lines_shown(views, mixture.parts) < HALF * HALF * luma)
+        return bool((hidden[2:] & hidden[1:-1] & hidden[:-2]).any())  # two lines share their colours, as at an edge
+
+    return [each for each in mixtures if not hides(each)]
+
+
+def _lines_shown(views: Floats, parts: NDArray[np.float64]) -> Floats:
+    """(L,): how much most of each row of views (F, R, C, 3) changes, then of each column, in a mixture; in sigmas."""
+    grey = views @ parts.astype(np.float32)
+    changes = (grey - median_of(grey)).std(axis=0) / (NOISE_LEVELS * float(np.linalg.norm(parts)))
+    lines: Floats = np.concatenate([np.median(changes, axis=1), np.median(changes, axis=0)])
+    return lines
 
 
 def _brightens(grid: WindowGrid, drawn: Floats, seen: Sequence[Floats], parts: NDArray[np.float64]) -> bool:

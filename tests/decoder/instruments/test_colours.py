@@ -441,3 +441,47 @@ def test_of_colours_as_clear_the_one_without_reflections_is_chosen() -> None:
     needles = needle_rows(gauge.panel.gauges[0], grid)
 
     assert best_mixture(grid, shown(AT_DEG), frames, needles, [against_blue, against_green]) == against_green
+
+
+NIGHT: Colour = (8.0, 8.0, 8.0)
+YELLOW: Colour = (235.0, 235.0, 20.0)
+BAR = {
+    "name": "power",
+    "window": [[40, 20], [64, 20], [64, 160], [40, 160]],
+    "linear": {"name": "power_pct", "moves": "down", "at": 124, "span": 14, "marks": [[155, 0], [25, 100]]},
+}
+RED_AT = 90.0
+GREEN_BAND: Colour = (10.0, 230.0, 10.0)
+RED_BAND: Colour = (250.0, 10.0, 10.0)
+
+
+def banded(at: float, seed: int) -> bytes:
+    """A JPEG of a bar on black that rises from below to a height: green, yellow, and red above `RED_AT`."""
+
+    def plane(place: int) -> np.ndarray:
+        canvas = Canvas()
+        canvas.polygon([(34, 14), (70, 14), (70, 166), (34, 166)], 110.0)
+        canvas.polygon([(40, 20), (64, 20), (64, 160), (40, 160)], NIGHT[place])
+        canvas.polygon([(40, max(at, RED_AT)), (64, max(at, RED_AT)), (64, 160), (40, 160)], YELLOW[place])
+        if at < RED_AT:
+            canvas.polygon([(40, at), (64, at), (64, RED_AT), (40, RED_AT)], RED_BAND[place])
+        canvas.polygon([(40, max(at, 120.0)), (64, max(at, 120.0)), (64, 160), (40, 160)], GREEN_BAND[place])
+        return finished(canvas, noise=2.0, blur=0.7, quality=95, seed=3 * seed + place)
+
+    return jpeg_of(plane)
+
+
+def test_bar_that_goes_on_in_red_is_not_read_in_a_colour_that_does_not_show_red() -> None:
+    """Its yellow stands out most in green; there it had been told to end where its red begins."""
+    heights = [*[45.0] * 10, 124.0, 110.0, 132.0, 118.0, 140.0, 100.0, *[45.0] * 8]
+    jpegs = [banded(at, seed) for seed, at in enumerate(heights, start=1)]
+    fitted = fitted_of([BAR], banded(124.0, 0), jpegs)
+    read = [each.readings["power_pct"] for each in read_of(fitted, jpegs)]
+    scale = Scale.of(fitted.panel.gauges[0].quantities[0].marks)
+    off = [
+        abs(float(scale.values_at(np.array([own.angle_deg]))[0]) - (155.0 - at) / 1.3)
+        for own, at in zip(read, heights, strict=True)
+        if own.status is Status.READ
+    ]
+
+    assert max(off, default=0.0) < 2.0

@@ -211,7 +211,24 @@ class SlideReader:
             other = np.nan_to_num(self._settled(along[doubt], second[doubt]).score)
             left = 1.0 - np.maximum(np.maximum(other, rival[doubt]), 0.0) ** 2
             is_alone[doubt] &= left > CLEARLY_WORSE * (1.0 - np.nan_to_num(found.score[doubt]) ** 2)
+        is_alone &= ~self._ends_beyond(along, scores, elsewhere, place)
         return found, is_alone
+
+    def _ends_beyond(self, along: Floats, scores: Floats, peaks: Mask, place: Floats) -> Mask:
+        """(F,): whether a bar also ends at one of some peaks (F, N) farther along, however faintly.
+
+        Beyond its end there is only the scale. A bar that is green, then yellow, then red has an end like its own
+        wherever its colour gets darker, and that may be the clearest.
+        """
+        fills_before, fills_behind = self._picture.bar
+        past = np.arange(scores.shape[1]) - place[:, None]
+        beyond = peaks & ((fills_before & (past > 0)) | (fills_behind & (past < 0)))
+        top, end = peaks_of(scores, beyond)
+        ends: Mask = beyond.any(axis=1) & (scores[np.arange(len(scores)), top] >= LIKELY_SCORE)
+        for number in np.flatnonzero(ends).tolist():
+            again = self._settled(along[number : number + 1], end[number : number + 1])
+            ends[number] = np.nan_to_num(again.score)[0] >= SCORE_THRESHOLD
+        return ends
 
     def _top_at(self, row: float, count: int) -> int:
         """Return the first row of a pointer; at a window's end, it may lie most of a row beyond where it fits in."""
