@@ -139,6 +139,7 @@ class SlideReader:
         first_px, last_px = slide.ends_px
         self._allowed = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
         beginning = self._middle_of(picture) if begins is None else begins
+        self._rest_part = HALF**4 if any(picture.bar) and beginning is None else HALF
         self._other = None
         if beginning is not None:
             # What looks like its end there is the beginning of a bar that grows the other way.
@@ -260,7 +261,8 @@ class SlideReader:
         """Whether a window (R, C) shows the scale, and the bar, where the pointer is not.
 
         What differs from them within as much of the scale as a pointer takes, and is half as strong, may be the pointer
-        itself, or something that lies over it: what was found may be its edge.
+        itself, or something that lies over it: what was found may be its edge. A bar may go on in a darker colour, as
+        from yellow to red: there a quarter is enough.
         """
         height, top = self._pointer.rows, self._top_at(row, len(window))
         known = self._known_around(row)
@@ -268,7 +270,7 @@ class SlideReader:
         # Light may differ from place to place, and a pointer across this one cross it, but not from row to row.
         spread = _spread_around(window - gain * known, height)
         own = self._pointer.light + (self._pointer.transparency - 1.0) * self._face[top : top + height]
-        least = HALF * gain**2 * float(own.var(axis=0).mean()) + NOISE_LEVELS**2
+        least = self._rest_part * gain**2 * float(own.var(axis=0).mean()) + NOISE_LEVELS**2
         return not bool((spread > least).any())
 
     def _scores(self, window: Floats) -> Floats:
