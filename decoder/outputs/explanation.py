@@ -22,10 +22,11 @@ from decoder.registration.thresholds import SCORE_THRESHOLD
 from decoder.timeseries.gaps import SEEN_STATUSES
 from decoder.timeseries.health import WELL
 from decoder.timeseries.tables import STATUS_SUFFIX, FlightTable, Table
+from decoder.timeseries.thresholds import SMALLEST_PART
 
 STATUS_WORDS = {
     Status.READ: "the whole needle matched",
-    Status.EDGE: "part of it is covered and the rest matched, or its gauge is not drawn exactly enough",
+    Status.EDGE: "it matched, but it is not certain enough to be `read`",
     Status.HIDDEN: "completely under another needle; it is given that needle's value",
     Status.INTERPOLATED: "not seen; on a straight line between the nearest frames in which it was",
     Status.MISSING: "there is no value",
@@ -226,7 +227,7 @@ def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignment
     lost = _runs(description.get("missing_frames"), frame)
     for run in lost:
         yield f"the frame could not be read: {run.get('reason', 'no reason is known')}"
-    yield from _unseen(flight, name, row, None if lost else status)
+    yield from _why_not_read(flight, name, row, None if lost else status)
     if status in (Status.INTERPOLATED, Status.MISSING, Status.HIDDEN):
         yield from _seen_around(flight, name, row)
     if alignments is not None and row < len(alignments.columns.get("alignment_score", ())):
@@ -243,8 +244,30 @@ def _remarks(flight: FlightTable, name: str, row: int, status: Status, alignment
     yield from _cross_checks(description.get("cross_checks"), name, frame)
 
 
-def _unseen(flight: FlightTable, name: str, row: int, status: Status | None) -> Iterator[str]:
-    """Say why it was not seen in a frame that could be read, and not interpolated where it has no value."""
+def _uncertain(flight: FlightTable, name: str, row: int) -> Iterator[str]:
+    """Say why a value that matched is an `edge`, as far as its sigma and the other values of its gauge tell."""
+    described, gauge = flight.described(name), flight.said_of(name).get("gauge")
+    part = float(flight.table.numbers(f"{name}_sigma")[row]) / (described.full_scale or math.nan)
+    if part > SMALLEST_PART:
+        yield (
+            f"one value in twenty may be off by {CONFIDENCE_SIGMAS * part:.1%} of full scale or more; a value that is"
+            f" `read`, by {CONFIDENCE_SIGMAS * SMALLEST_PART:.0%} at most"
+        )
+    elif part <= SMALLEST_PART:
+        yield (
+            "something may hide part of it, such as another needle, glare or a bug; or it contradicts the other hands"
+            " of its gauge"
+        )
+    beside = [each for each in flight.names if each != name and flight.said_of(each).get("gauge") == gauge]
+    lost = [each for each in beside if flight.table.columns[each + STATUS_SUFFIX][row] == Status.MISSING.value]
+    if gauge is not None and lost:
+        yield f"missing in this frame on the same gauge: {', '.join(lost)}"
+
+
+def _why_not_read(flight: FlightTable, name: str, row: int, status: Status | None) -> Iterator[str]:
+    """Say why it is not `read` in a frame that could be read, and not interpolated where it has no value."""
+    if status is Status.EDGE:
+        yield from _uncertain(flight, name, row)
     if status in (Status.INTERPOLATED, Status.MISSING):
         yield from _refused(flight, name, row)
     if status is Status.MISSING:

@@ -82,6 +82,31 @@ def test_a_gap_is_told_with_what_was_seen_around_it(data: FlightData) -> None:
 
 
 @pytest.mark.parametrize(
+    ("sigma", "words"),
+    [
+        (0.033 * 115.0, "may be off by 6.5% of full scale or more; a value that is `read`, by 2% at most"),
+        (0.002 * 115.0, "something may hide part of it, such as another needle, glare or a bug"),
+    ],
+)
+def test_an_edge_says_what_makes_it_uncertain(sigma: float, words: str) -> None:
+    """A large sigma, or something over it; in frames in which it is `read` neither is said."""
+    flight = table_of(flight_data(source(), 60, {(NAME, 7): Status.EDGE}, {}))
+    flight = with_column(flight, f"{NAME}_sigma", (f"{sigma:g}",) * 60)
+
+    assert words in explanation_text(explained(flight, NAME, 7))
+    assert words not in explanation_text(explained(flight, NAME, 8))
+
+
+def test_an_edge_names_what_its_gauge_does_not_show_in_that_frame() -> None:
+    """Two hands of a gauge: where one is missing, the other one's explanation says so."""
+    statuses = {("fuel_al_lb", 7): Status.EDGE, ("fuel_al_lb", 8): Status.EDGE, ("fuel_fr_lb", 7): Status.MISSING}
+    flight = table_of(flight_data(source(), 60, statuses, {}))
+
+    assert "missing in this frame on the same gauge: fuel_fr_lb" in explained(flight, "fuel_al_lb", 7).remarks
+    assert "on the same gauge" not in explanation_text(explained(flight, "fuel_al_lb", 8))
+
+
+@pytest.mark.parametrize(
     ("score", "words"),
     [
         ("0.5769", "nothing there looked enough like it: the best match has a score of 0.5769, where 0.8 is needed"),
