@@ -35,7 +35,7 @@ class Lamp(Windowed, Strict):
         ),
         hint="Click the four corners of the light, clockwise from its top left, close around what shines.",
     )
-    margin_part: ClassVar[float] = 0.5
+    margin_part: ClassVar[float] = 1.5
 
     @property
     def brightens(self) -> bool:

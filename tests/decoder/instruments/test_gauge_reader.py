@@ -170,7 +170,7 @@ UNFIT: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         lambda content: content["gauges"].append(
             {"name": "lamp", "window": [[0, 0], [3000, 0], [3000, 3000], [0, 3000]], "lamp": {"name": "lit"}}
         ),
-        r"gauges\[2\]\.window: covers 36.0 million pixels",
+        r"gauges\[2\]\.window: covers 144.0 million pixels",
     ),
 }
 

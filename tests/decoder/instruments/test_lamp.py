@@ -11,13 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.unwrapping import WindowGrid
-from decoder.instruments.kinds.windows.lamp import LampPicture, LampReader, first_lamp, learn_lamp
+from decoder.instruments.kinds.windows.lamp import (
+    LampPicture,
+    LampReader,
+    SurroundedLampReader,
+    first_lamp,
+    first_surrounded,
+    learn_lamp,
+    learn_surrounded,
+)
 from decoder.instruments.reading import Reading, Status
 from decoder.panel.arrays import Floats
 from decoder.panel.kinds.lamp import Lamp
 from decoder.panel.written import BOOLEAN, ValueType, Written
 
-GRID = WindowGrid.of(((20.0, 20.0), (44.0, 20.0), (44.0, 40.0), (20.0, 40.0)), Lamp.margin_part)
+GRID = WindowGrid.of(((20.0, 20.0), (44.0, 20.0), (44.0, 40.0), (20.0, 40.0)), 0.5)
 LAMP = Lamp(name="low_fuel_on", light="low_fuel_light_pct")
 
 
@@ -384,3 +392,41 @@ def test_a_lamp_too_dim_to_be_told_is_never_told_wrongly(light: float, *, lit: b
         for one, own in zip(told, lights, strict=True)
         if one["low_fuel_on"].status is Status.READ and one["low_fuel_on"].angle_deg != float(own > 0)
     ] == []
+
+
+def bulb(light: float, *, sun: float, slope: float, seed: int, beside: float = 0.0) -> Floats:
+    """An even bulb of 44 px beside another one, on a panel of which (240, 240) show in uneven light."""
+    y, x = np.indices((240, 240)) - 120.0
+    panel = 75.0 + 20.0 * np.sin(x / 5.0) * np.sin(y / 7.0)
+    own, other = np.hypot(x, y) < 22.0, (np.abs(x - 57.0) < 20.0) & (np.abs(y) < 20.0)
+    panel = np.where(own | other, 45.0, panel) * sun * (1.0 + slope * x / 240.0)
+    noise = np.random.default_rng(seed).normal(0.0, 2.5, panel.shape)
+    return np.clip(panel + light * own + beside * other + noise, 0.0, 255.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("half_px", [7, 9, 13])
+@pytest.mark.parametrize("light", [60.0, 180.0])
+def test_a_window_inside_its_bulb_is_never_told_to_be_as_drawn_while_it_is_lit(half_px: int, light: float) -> None:
+    """What is next to it brightens as much: it is missing then, and read while it is dark."""
+    corner = 2.0 * half_px
+    grid = WindowGrid.of(((0.0, 0.0), (corner, 0.0), (corner, corner), (0.0, corner)), Lamp.margin_part)
+    rows = slice(120 - half_px - grid.margin, 120 + half_px + grid.margin)
+    lit = np.arange(40) % 30 >= 15
+    frames = [
+        bulb(
+            light * own,
+            sun=1.0 + 0.4 * np.sin(number / 7.0),
+            slope=0.4 * np.sin(number / 5.0),
+            seed=number + 1,
+            beside=110.0 * (number % 3 == 0),
+        )[rows, rows]
+        for number, own in enumerate(lit)
+    ]
+    first = first_surrounded(LAMP, grid, bulb(0.0, sun=1.0, slope=0.0, seed=99)[rows, rows])
+    taught = learn_surrounded(LAMP, grid, frames[::3], first)
+    found = [own[LAMP.name] for own in SurroundedLampReader(LAMP, grid, taught).read(np.stack(frames), np.zeros(40))]
+    told = [reading.angle_deg == own for reading, own in zip(found, lit, strict=True) if reading.is_seen]
+
+    assert all(told)
+    assert sum(not own.is_seen for own in np.array(found)[~lit]) == 0
+    assert taught.is_inside == (not taught.near.others)

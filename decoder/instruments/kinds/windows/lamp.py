@@ -17,6 +17,7 @@ import numpy as np
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid
+from decoder.instruments.appearance import Appearance
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import (
@@ -34,6 +35,8 @@ from decoder.panel.kinds.lamp import Lamp
 from decoder.registration.thresholds import NOISE_LEVELS, SCORE_THRESHOLD
 
 WHITE = 255.0
+# The part of a window's margin whose light a lamp is read in; the rest only contradicts that.
+NEAR_PART = 1 / 3
 PERCENT = 100.0
 # Passes of the fit of the light around a window; pixels that do not fit count less each time.
 PASSES = 3
@@ -512,22 +515,96 @@ class LampReader:
         return found
 
 
+@dataclass(frozen=True, slots=True)
+class SurroundedLamp:
+    """What a lamp looks like in the light next to its window, and in the light further away.
+
+    The window `is_inside` its bulb if in several frames of the sample only the light further away shows a change.
+    """
+
+    near: LampPicture
+    far: LampPicture
+    is_inside: bool = False
+
+
+def first_surrounded(lamp: Lamp, grid: WindowGrid, drawn: UnwrappedGauge) -> SurroundedLamp:
+    """Build a lamp's pictures from the panel picture (R, C) alone."""
+    return SurroundedLamp(first_lamp(lamp, _nearest(grid), drawn[_cut(grid)]), first_lamp(lamp, grid, drawn))
+
+
+def learn_surrounded(
+    lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: SurroundedLamp
+) -> SurroundedLamp:
+    """Learn a lamp's pictures from a sample's frames (R, C)."""
+    near = learn_lamp(lamp, _nearest(grid), [strip[_cut(grid)] for strip in strips], known.near)
+    far = learn_lamp(lamp, grid, strips, known.far)
+    if near.others or not strips:
+        return SurroundedLamp(near, far)
+    changed = _is_beyond(lamp, far, added_light(grid, far.drawn, np.stack(strips), far.steady), 1)
+    return SurroundedLamp(near, far, is_inside=int(changed.sum()) >= MIN_VIEWS)
+
+
+class SurroundedLampReader:
+    """Reads a lamp in the light next to its window, and no state that the light further away contradicts.
+
+    If the window is drawn inside its bulb, what is next to it brightens as much, and the lamp seems never to change.
+    The light further away alone would tell less: the other lamps of an annunciator panel are there.
+    """
+
+    def __init__(self, lamp: Lamp, grid: WindowGrid, picture: SurroundedLamp) -> None:
+        self._lamp, self._grid, self._far = lamp, grid, picture.far
+        self._near = LampReader(lamp, _nearest(grid), picture.near)
+
+    def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
+        """Read F frames of the window and its surroundings, (F, R, C)."""
+        added = added_light(self._grid, self._far.drawn, strips, self._far.steady)
+        has_changed = _is_beyond(self._lamp, self._far, added, 1).tolist()
+        near = self._near.read(strips[:, *_cut(self._grid)], place_sigmas_px)
+        return [self._unless(*own) for own in zip(has_changed, near, strict=True)]
+
+    def _unless(self, has_changed: bool, near: dict[str, Reading]) -> dict[str, Reading]:  # noqa: FBT001 - one of a row
+        """Return readings as missing if the lamp has changed, but they say that it is as in the panel picture."""
+        if not has_changed or near[self._lamp.name].angle_deg != float(self._lamp.lit):
+            return near
+        return {name: replace(reading, status=Status.MISSING) for name, reading in near.items()}
+
+
 class LampKind(WindowKind):
     """A light that is on or off."""
 
     def owns(self, gauge: Gauge) -> bool:
         return gauge.lamp is not None
 
-    def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPicture:
-        return first_lamp(_lamp(gauge), grid, drawn)
+    def first(self, gauge: Gauge, grid: WindowGrid, drawn: UnwrappedGauge) -> SurroundedLamp:
+        return first_surrounded(_lamp(gauge), grid, drawn)
 
     def learned(
-        self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: LampPicture
-    ) -> LampPicture:
-        return learn_lamp(_lamp(gauge), grid, strips, known)
+        self, gauge: Gauge, grid: WindowGrid, strips: Sequence[UnwrappedGauge], known: SurroundedLamp
+    ) -> SurroundedLamp:
+        return learn_surrounded(_lamp(gauge), grid, strips, known)
 
-    def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: LampPicture) -> LampReader:
-        return LampReader(_lamp(gauge), grid, picture)
+    def window_reader(self, gauge: Gauge, grid: WindowGrid, picture: SurroundedLamp) -> SurroundedLampReader:
+        return SurroundedLampReader(_lamp(gauge), grid, picture)
+
+    def findings(self, gauge: Gauge, appearance: Appearance) -> Sequence[str]:
+        name = _lamp(gauge).name
+        inside = (
+            f"{name} is not read where it changes, since what is next to its window brightens with it: draw the window"
+            " around all that shines"
+        )
+        return (inside,) if appearance.pictures[name].is_inside else ()
+
+
+def _nearest(grid: WindowGrid) -> WindowGrid:
+    """Return the grid with only those of its surroundings that are next to the window."""
+    cells = grid.margin - math.ceil(NEAR_PART * grid.margin)
+    return replace(grid, rows=grid.rows - 2 * cells, columns=grid.columns - 2 * cells, margin=grid.margin - cells)
+
+
+def _cut(grid: WindowGrid) -> tuple[slice, slice]:
+    """Return the rows and columns of the window and of what is next to it."""
+    cells = grid.margin - _nearest(grid).margin
+    return slice(cells, grid.rows - cells), slice(cells, grid.columns - cells)
 
 
 def _lamp(gauge: Gauge) -> Lamp:
