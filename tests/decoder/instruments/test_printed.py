@@ -186,6 +186,21 @@ def test_a_last_drum_in_opposite_colours_between_dark_lines_has_the_digits_of_th
     assert told(read(reader, [seen(count) for count in counts])) == pytest.approx(counts, abs=0.1)
 
 
+def test_a_digit_in_bad_light_does_not_make_cells_differ() -> None:
+    """One of five digits that two cells share has a bright edge behind it in one of them; the others are alike."""
+    drawn = DrawnRow(drums=2)
+    grid = drawn.grid()
+    taught = (12, 24, 35, 53, 41, 61)
+    windows = [sampled(grid, drawn.picture(count)) for count in taught]
+    middle = 3 * windows[0].shape[1] // 4
+    windows[2][:, middle:] += 100.0
+    own = described(texts_of(taught, drawn.drums), pattern="00")
+    reader = PrintedReader(own, print_of(own, grid, windows), grid.cell_px[1])
+    counts = (16.0, 26.0, 46.0, 56.0)
+
+    assert told(read(reader, [sampled(grid, drawn.picture(count)) for count in counts])) == list(counts)
+
+
 def test_other_frames_change_nothing() -> None:
     """What is read of a frame is the same to the last bit, whatever is read along with it."""
     drawn = DrawnRow()

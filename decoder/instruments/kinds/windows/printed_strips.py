@@ -356,11 +356,14 @@ def _shifts_between(looks: Floats, has: Mask) -> list[list[Way | None]]:
 
 
 def _way_between(ones: Floats, others: Floats) -> Way | None:
-    """Return how digits (K, R, W) have to be moved to match others; None if no offset matches."""
+    """Return how digits (K, R, W) have to be moved to match others; None if no offset matches.
+
+    Most have to match: the more digits two cells share, the likelier is one that a picture shows in bad light.
+    """
     tries = []
     for right, down in product(APART_PX, APART_PX):
         scores = [_alike(shifted(one, right, down), other) for one, other in zip(ones, others, strict=True)]
-        tries.append((min(scores), -abs(right) - abs(down), right, down))
+        tries.append((float(np.median(scores)), -abs(right) - abs(down), right, down))
     score, _, right, down = max(tries)
     return Way(right, down) if score >= CLEAR_SCORE else None
 
