@@ -6,7 +6,7 @@ mixed before they are resampled, so all code that learns and reads gets one grey
 
 JPEG and video have one colour sample for each two by two pixels. A mixture must separate what moves twice as clearly as
 luma to be better wherever it is read. A window is read in one colour alone, to which anything that shines adds light;
-a straight scale in the brightest or darkest of all colours, since a bar may have several.
+a bar in the brightest or darkest of all colours, since it may have several.
 """
 
 from __future__ import annotations

@@ -79,16 +79,17 @@ def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is
     frames that are not among these.
     """
     gauge, grid = placed.gauge, placed.sampled
+    is_lost = is_lost or not changes_in_luma(grid, drawn, frames)
 
     def left_in(levels: Callable[[Floats], Floats]) -> float | None:
-        return kind_of(gauge).unexplained(placed, levels(drawn), [levels(each) for each in frames])
+        return kind_of(gauge).unexplained(placed, levels(drawn), [levels(each) for each in frames], is_lost=is_lost)
 
     in_luma = left_in(luma_of) if frames else None
     if in_luma is not None:
         left = [(part, each) for each in Extreme if (part := left_in(each.levels)) is not None]
         better = [each for each in left if each[0] < CLEARLY_WORSE * in_luma]
         return min(better, key=itemgetter(0), default=(0.0, None))[1]
-    if not is_lost and changes_in_luma(grid, drawn, frames):
+    if not is_lost:
         return None
     return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), mixtures_for(gauge, grid, drawn, frames))
 
