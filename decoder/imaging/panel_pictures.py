@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.dial_plane import dial_plane, inches_to_picture
 from decoder.imaging.optics import Optics
-from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture, colour_picture, grey_picture, without_colour
+from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixed, colour_picture, grey_picture, without_colour
 from decoder.imaging.planes import DialPlane, Raised, Squeeze
 from decoder.imaging.resampling import inside, part_inside
 from decoder.imaging.thresholds import HALF
@@ -59,7 +59,7 @@ class PanelPictures:
     planes: tuple[DialPlane | None, ...] | None = None
     squeezes: tuple[Squeeze | None, ...] = ()
     encoded: Mapping[str, bytes] = field(default_factory=dict)
-    mixtures: tuple[Mixture | None, ...] = ()
+    mixtures: tuple[Mixed | None, ...] = ()
     blur_px: float = 0.0
     blurred: GreyPicture | None = None
     places: Mapping[str, Alignment] = field(default_factory=dict)

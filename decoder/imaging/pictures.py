@@ -1,7 +1,7 @@
 """Pictures as grey arrays: the one place where pictures are decompressed, always the same way.
 
-A gauge whose needle is visible in colour only is read in another grey, a mixture of the colours around it; a frame's
-colours are decompressed only if needed for that.
+A gauge whose needle is visible in colour only is read in another grey, a mixture of the colours around it or an
+extreme of them; a frame's colours are decompressed only if needed for that.
 
 Grey is the JPEG's own luma plane, which saves the colour conversion. It differs by up to five levels from the grey of
 the decoded colours, so frames, panel pictures and templates must all come through here. EXIF orientation is ignored,
@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
+from typing import Any
 
 import cv2
 import numpy as np
@@ -73,11 +75,41 @@ class Mixture:
         lowest = WHITE * float(parts[parts < 0.0].sum())
         return np.asarray(cv2.transform(colour, np.array([[*parts, -lowest]])), np.uint8)
 
+    def levels(self, colours: NDArray[Any]) -> NDArray[Any]:
+        """(...): the grey of colours (..., 3), without the offset that keeps those of a picture positive."""
+        return np.asarray(colours @ self.parts.astype(np.float32))
+
     def __str__(self) -> str:
         """Name its colours, such as red and green minus blue."""
         counts = {"red": self.red, "green": self.green, "blue": self.blue}
         added, taken = (" and ".join(name for name, count in counts.items() if count == sign) for sign in (1, -1))
         return f"{added} minus {taken}" if taken else added
+
+
+class Extreme(Enum):
+    """A grey that at each pixel is its brightest colour, or its darkest.
+
+    Whatever is lit, in any colour, is brighter in one than what is not; whatever is printed on white is darker in the
+    other. A mixture of colours may hide one that only some frames show.
+    """
+
+    BRIGHTEST = "brightest"
+    DARKEST = "darkest"
+
+    def of(self, colour: ColourPicture) -> GreyPicture:
+        """(H, W) uint8: the grey of a picture (H, W, 3)."""
+        return np.asarray(self.levels(colour), np.uint8)
+
+    def levels(self, colours: NDArray[Any]) -> NDArray[Any]:
+        """(...): the grey of colours (..., 3)."""
+        return np.asarray(colours.max(axis=-1) if self is Extreme.BRIGHTEST else colours.min(axis=-1))
+
+    def __str__(self) -> str:
+        return f"each pixel's {self.value} colour"
+
+
+Mixed = Mixture | Extreme
+"""What a gauge is sampled in instead of luma."""
 
 
 def grey_picture(encoded: Encoded, video: GroupDecoder | None = None) -> GreyPicture:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment, carried_by, upright
-from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixture
+from decoder.imaging.pictures import ColourPicture, GreyPicture, Mixed
 from decoder.panel.arrays import Floats
 
 _NO_SECOND_MAP: Any = None  # the first contains x and y; OpenCV's type hints require both, its code does not
@@ -97,7 +97,7 @@ class MixedPart:
     origin: tuple[float, float]
 
     @classmethod
-    def of(cls, colour: ColourPicture, mixture: Mixture, places: Floats) -> MixedPart:
+    def of(cls, colour: ColourPicture, mixture: Mixed, places: Floats) -> MixedPart:
         """Mix the colours (H, W, 3) around places (rows, columns, 2), as far as the frame goes."""
         height, width = colour.shape[:2]
         x, y = places[..., 0], places[..., 1]

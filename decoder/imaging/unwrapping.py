@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from decoder.imaging.alignment import Alignment
 from decoder.imaging.motion import carried, homography
-from decoder.imaging.pictures import Coloured, ColourPicture, GreyPicture, Mixture
+from decoder.imaging.pictures import Coloured, ColourPicture, GreyPicture, Mixed
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.resampling import MixedPart, PointMap, levels_at
 from decoder.imaging.thresholds import COLUMN_PX, MAX_COLUMNS, MIN_COLUMNS, MIN_ROWS_PER_DEG
@@ -53,7 +53,7 @@ class PolarGrid:
     tail_columns: int = 0
     plane: DialPlane | None = None
     raised: Raised | None = None
-    mixture: Mixture | None = None
+    mixture: Mixed | None = None
 
     @property
     def radii_px(self) -> Floats:
@@ -114,7 +114,7 @@ class WindowGrid:
     margin: int = 0
     plane: DialPlane | None = None
     raised: Raised | None = None
-    mixture: Mixture | None = None
+    mixture: Mixed | None = None
 
     @classmethod
     def of(cls, corners: Corners, margin_part: float = 0.0) -> WindowGrid:
@@ -228,7 +228,7 @@ class Unwrapper:
         return np.concatenate([pairs[slices[index]] for index in flat])
 
     @cached_property
-    def mixed(self) -> dict[int, tuple[Mixture, PointMap]]:
+    def mixed(self) -> dict[int, tuple[Mixed, PointMap]]:
         """By index, the grids that are not sampled in luma: their mixture and their points."""
         return {
             index: (grid.mixture, PointMap.of([grid.points().reshape(2, -1)]))
@@ -284,7 +284,7 @@ class Unwrapper:
         return [flat[part] for part in self._map.slices]
 
 
-def _mixed_levels(colour: ColourPicture, alignment: Alignment, mixture: Mixture, points: PointMap) -> Floats:
+def _mixed_levels(colour: ColourPicture, alignment: Alignment, mixture: Mixed, points: PointMap) -> Floats:
     """(N,) float32: a grid's samples in its own mixture."""
     part = MixedPart.of(colour, mixture, points.places(alignment))
     levels = levels_at(part.pixels, points.places(alignment, part.origin))[: points.slices[-1].stop]

@@ -206,7 +206,14 @@ class Still:
         """Return all rows and columns."""
         return ALL
 
-    def unexplained(self, _placed: Placed, _drawn: UnwrappedGauge, _strips: Sequence[UnwrappedGauge]) -> float | None:
+    def unexplained(
+        self,
+        _placed: Placed,
+        _drawn: UnwrappedGauge,
+        _strips: Sequence[UnwrappedGauge],
+        *,
+        is_lost: bool,  # noqa: ARG002
+    ) -> float | None:
         """Return None."""
         return None
 

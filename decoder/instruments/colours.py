@@ -5,7 +5,8 @@ component that is normally decoded, then does not show it, but red alone does. A
 mixed before they are resampled, so all code that learns and reads gets one grey picture in either case.
 
 JPEG and video have one colour sample for each two by two pixels. A mixture must separate what moves twice as clearly as
-luma to be better wherever it is read. A window is read in one colour alone, to which anything that shines adds light.
+luma to be better wherever it is read. A window is read in one colour alone, to which anything that shines adds light;
+a bar in the brightest or darkest of all colours, since it may have several.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ from numpy.typing import NDArray
 from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import Mixture
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
-from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Grid, PolarGrid, Unwrapper, WindowGrid, row_of_angle
 from decoder.instruments.thresholds import CLEARLY_WORSE
 from decoder.matching.faces import in_light_of
@@ -42,6 +42,12 @@ def mixtures() -> tuple[Mixture, ...]:
     """List all mixtures, without those of opposite sign, and without the sum of all three, which is luma again."""
     counts = [each for each in product((1, 0, -1), repeat=3) if next(filter(None, each), 0) == 1]
     return tuple(Mixture(*each) for each in counts if min(each) < 1)
+
+
+def luma_of(colours: Floats) -> Floats:
+    """(...): the luma of colours (..., 3)."""
+    luma: Floats = colours @ LUMA.astype(np.float32)
+    return luma
 
 
 def needle_rows(gauge: Gauge, grid: Grid) -> list[Mask]:
@@ -119,38 +125,8 @@ def mixtures_for(gauge: Gauge, grid: Grid, drawn: Floats, seen: Sequence[Floats]
     alone = Mixture(1, 0, 0), Mixture(0, 1, 0), Mixture(0, 0, 1)
     brightens = gauge.kind.brightens
     if brightens is None:
-        return _showing_as_much_as_luma(alone, grid, drawn, seen)
+        return list(alone)
     return [each for each in alone if _brightens(grid, drawn, seen, each.parts) == brightens]
-
-
-def _showing_as_much_as_luma(
-    mixtures: Sequence[Mixture], grid: WindowGrid, drawn: Floats, seen: Sequence[Floats]
-) -> list[Mixture]:
-    """Keep the mixtures that show a window change wherever luma does.
-
-    A bar that is yellow, then red, stands out from black most in green, but there it seems to end where its red begins.
-    """
-    luma_seen = [each @ LUMA for each in seen]
-    lit = _in_light(grid, drawn @ LUMA, luma_seen)
-    if len(lit) < max(len(seen), MIN_VIEWS):
-        return list(mixtures)
-    gains = [float(bright.mean() / max(own.mean(), 1.0)) for bright, own in zip(lit, luma_seen, strict=True)]
-    views = np.stack([gain * each[grid.within] for gain, each in zip(gains, seen, strict=True)])
-    luma = _lines_shown(views, LUMA)
-
-    def hides(mixture: Mixture) -> bool:
-        hidden = (luma > CLEARLY_WORSE**2) & (_lines_shown(views, mixture.parts) < HALF * HALF * luma)
-        return bool((hidden[2:] & hidden[1:-1] & hidden[:-2]).any())  # two lines share their colours, as at an edge
-
-    return [each for each in mixtures if not hides(each)]
-
-
-def _lines_shown(views: Floats, parts: NDArray[np.float64]) -> Floats:
-    """(L,): how much most of each row of views (F, R, C, 3) changes, then of each column, in a mixture; in sigmas."""
-    grey = views @ parts.astype(np.float32)
-    changes = (grey - median_of(grey)).std(axis=0) / (NOISE_LEVELS * float(np.linalg.norm(parts)))
-    lines: Floats = np.concatenate([np.median(changes, axis=1), np.median(changes, axis=0)])
-    return lines
 
 
 def _brightens(grid: WindowGrid, drawn: Floats, seen: Sequence[Floats], parts: NDArray[np.float64]) -> bool:

@@ -53,11 +53,14 @@ class Kind(Protocol):
         """Learn its look beyond face and templates from a sample's frames in one light; the result is by quantity."""
         ...
 
-    def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
+    def unexplained(
+        self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge], *, is_lost: bool
+    ) -> float | None:
         """Return the part of a sample's frames that is left unexplained once it has learned from them.
 
-        The panel picture, `drawn`, and the frames are in one mixture of colours: the best mixture leaves least. None if
-        the kind does not compare mixtures in this way, since learning takes too long to be repeated for each.
+        The panel picture, `drawn`, and the frames are in one grey: luma, or an extreme of all colours. None if the kind
+        does not compare greys in this way, since learning takes too long to be repeated for each, or if what moves has
+        one colour only and is not lost in luma.
         """
         ...
 

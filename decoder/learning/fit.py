@@ -127,7 +127,7 @@ class FittedReader:
         x, y = self.moved_px.get(gauge.name, (0.0, 0.0))
         mixture = self.reader.grids[self.panel.gauges.index(gauge)].mixture
         if mixture is not None:
-            yield f"read in {mixture}, where what moves on it shows better than in grey"
+            yield f"read in {mixture}, where what moves on it shows better or more surely than in grey"
         index = self.panel.gauges.index(gauge)
         for squeeze, what in ((self.squeezes[index], "corrected"), (self.allowed[index], "sigma allows for that")):
             if squeeze is not None:

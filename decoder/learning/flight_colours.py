@@ -12,13 +12,13 @@ from operator import itemgetter
 import numpy as np
 
 from decoder.imaging.picture_block import TopOfFrame
-from decoder.imaging.pictures import FramePicture, GreyPicture, Mixture
+from decoder.imaging.pictures import Extreme, FramePicture, GreyPicture, Mixed
 from decoder.imaging.unwrapping import Unwrapper, WindowGrid
 from decoder.instruments.appearance import Placed
 from decoder.instruments.colours import (
-    LUMA,
     best_mixture,
     changes_in_luma,
+    luma_of,
     mixtures_for,
     needle_rows,
     rows_shown,
@@ -61,8 +61,6 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     mixtures = list(before)
     for place, index in enumerate(coloured):
         gauge, grid, frames = gauges[index], grids[index], [own[place] for own in seen]
-        if index not in lost and changes_in_luma(grid, drawn[index], frames):
-            continue
         best = _best_mixture(Placed(index, gauge, grid), drawn[index], frames, is_lost=index in lost)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
@@ -73,24 +71,27 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     return PanelReader.of(panel.source, reader.method, look, reader.placement, panel)
 
 
-def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is_lost: bool) -> Mixture | None:
-    """Choose the mixture in which a gauge is read best, given as for `mixtures_for`; None if luma is about as good.
+def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is_lost: bool) -> Mixed | None:
+    """Choose the grey in which a gauge is read best, given as for `mixtures_for`; None if that is luma.
 
-    Of a gauge that is lost in luma, its kind tells how much each mixture leaves unexplained. Contrast alone would be
-    content with a mixture that shows a bar over one half of its scale very well, and over the other not at all.
+    A kind that tells how much a grey leaves unexplained is read in an extreme of all colours, unless luma explains
+    clearly more. Luma, or one colour, might hide a part of a bar that has another colour, such as its red, and shows in
+    frames that are not among these.
     """
     gauge, grid = placed.gauge, placed.sampled
-    choice = mixtures_for(gauge, grid, drawn, frames)
+    is_lost = is_lost or not changes_in_luma(grid, drawn, frames)
 
-    def left_in(parts: Floats) -> float | None:
-        return kind_of(gauge).unexplained(placed, drawn @ parts, [each @ parts for each in frames])
+    def left_in(levels: Callable[[Floats], Floats]) -> float | None:
+        return kind_of(gauge).unexplained(placed, levels(drawn), [levels(each) for each in frames], is_lost=is_lost)
 
-    in_luma = left_in(LUMA.astype(np.float32)) if is_lost and frames else None
-    if in_luma is None:
-        return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), choice)
-    left = [(each, left_in(each.parts.astype(np.float32))) for each in choice]
-    better = [(part, mixture) for mixture, part in left if part is not None and CLEARLY_WORSE * part < in_luma]
-    return min(better, key=itemgetter(0), default=(0.0, None))[1]
+    in_luma = left_in(luma_of) if frames else None
+    if in_luma is not None:
+        left = [(part, each) for each in Extreme if (part := left_in(each.levels)) is not None]
+        better = [each for each in left if each[0] < CLEARLY_WORSE * in_luma]
+        return min(better, key=itemgetter(0), default=(0.0, None))[1]
+    if not is_lost:
+        return None
+    return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), mixtures_for(gauge, grid, drawn, frames))
 
 
 def _panels_colours(reader: PanelReader, indices: Sequence[int]) -> list[Floats]:

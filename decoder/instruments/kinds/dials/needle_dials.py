@@ -91,7 +91,14 @@ class NeedleKind:
     ) -> Mapping[str, LearnedPicture]:
         return {}
 
-    def unexplained(self, _: Placed, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> float | None:
+    def unexplained(
+        self,
+        _: Placed,
+        __: UnwrappedGauge,
+        ___: Sequence[UnwrappedGauge],
+        *,
+        is_lost: bool,  # noqa: ARG002
+    ) -> float | None:
         return None
 
     def grower(self, _: Instrument, __: Appearance) -> Grower | None:
