@@ -56,7 +56,7 @@ from decoder.learning.pivots import (
 )
 from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces, with_usual_dials
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
-from decoder.learning.unexplained import unexplained_gauges
+from decoder.learning.unexplained import mistaken_needles, unexplained_gauges
 from decoder.matching.thresholds import FAR_PART, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
@@ -97,6 +97,8 @@ class FittedReader:
         Gauges whose pivots did not converge.
     unexplained
         Gauges on which something moves that their needles do not explain.
+    mistaken
+        By needle: how far from where it was drawn the panel picture shows what was learned as the needle, degrees.
     squeezes
         For each gauge in the panel's order, how the view squeezes it, if it was squared up; else None.
     allowed
@@ -113,6 +115,7 @@ class FittedReader:
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
     unexplained: frozenset[str]
+    mistaken: Mapping[str, float]
     squeezes: tuple[Squeeze | None, ...]
     allowed: tuple[Squeeze | None, ...]
     has_points: bool
@@ -152,14 +155,7 @@ class FittedReader:
                 "shows something that moves and is none of its needles: are its centre and all of its needles drawn"
                 " right? A needle that stands still there is not read"
             )
-        for needle in gauge.turning:
-            own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
-            if template is not None and own.beside_deg > own.drawn_deg:
-                way = "clockwise" if template.beside_deg > 0.0 else "anticlockwise"
-                yield (
-                    f"{needle.name} lies {abs(template.beside_deg):.1f} degrees {way} of where it is drawn: sigma"
-                    " allows for that; draw its middle line with `decode setup`"
-                )
+        yield from self._needles_found(gauge)
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
         if is_beyond_a_hand(off_deg):
             yield (
@@ -167,6 +163,22 @@ class FittedReader:
                 " sigma allows for that; is it seen from the side, or were they drawn from off their ring's middle?"
             )
         yield from mistakes(gauge)
+
+    def _needles_found(self, gauge: Gauge) -> Iterator[str]:
+        for needle in gauge.turning:
+            if needle.name in self.mistaken:
+                yield (
+                    f"{needle.name} is not read: what the flight shows as the needle lies"
+                    f" {self.mistaken[needle.name]:.0f} degrees from it in the panel picture; has the needle a `tail`?"
+                    " Does its template hold all of its tip?"
+                )
+            own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
+            if template is not None and own.beside_deg > own.drawn_deg:
+                way = "clockwise" if template.beside_deg > 0.0 else "anticlockwise"
+                yield (
+                    f"{needle.name} lies {abs(template.beside_deg):.1f} degrees {way} of where it is drawn: sigma"
+                    " allows for that; draw its middle line with `decode setup`"
+                )
 
     def sigma_deg(self, name: str, angles_deg: Floats) -> Floats:
         """(N,): uncertainty of a quantity's readings at these angles beyond that from their frames."""
@@ -225,9 +237,10 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
     told = seen_from_pivots(gauges, paths, log_odds)
     unexplained = unexplained_gauges(last.reader, lit_views(last.reader, samples), last.found)
+    mistaken = mistaken_needles(last.reader)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
-        reader=_completed(last, unexplained),
+        reader=_completed(last, frozenset(mistaken).union(*unexplained.values())),
         panel=source.panel.model_copy(update={"gauges": told}),
         uncertainties=quantity_uncertainties(
             source,
@@ -248,6 +261,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
         unexplained=frozenset(unexplained),
+        mistaken=mistaken,
         squeezes=_corrected(last.reader.source),
         allowed=allowed,
         has_points=log_odds > 0.0,
@@ -488,16 +502,15 @@ def _around_pivots(
     return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 
 
-def _completed(last: _Round, unexplained: Mapping[str, frozenset[str]]) -> PanelReader:
-    """Mark needles in the reader of which some matches are doubtful."""
+def _completed(last: _Round, likely_print: frozenset[str]) -> PanelReader:
+    """Mark needles in the reader of which some matches, or all those of print, are doubtful."""
     doubted, least = _doubted(last.found), dict[str, float]()
     for gauge in last.reader.source.panel.gauges:
         least |= least_at_home(gauge, last.found)
-    print_ = frozenset[str]().union(*unexplained.values())
-    if not doubted and not least and not print_:
+    if not doubted and not least and not likely_print:
         return last.reader
     return last.reader.with_appearance(
-        replace(last.reader.appearance, doubted=doubted, least_at_home=least, likely_print=print_)
+        replace(last.reader.appearance, doubted=doubted, least_at_home=least, likely_print=likely_print)
     )
 
 

@@ -1,8 +1,9 @@
-"""Dials on which something like a needle moves that no needle accounts for.
+"""Dials on which something like a needle moves that no needle accounts for, and needles learned from something else.
 
 Print may be taken for a needle and match perfectly in every frame, while the needle itself moves unseen. No score shows
 that; the rest of the dial does. Where the sample's frames differ from their median by a bar along a radius, and differ
-as much from the dial drawn with its needles where these were read, the readings do not explain what moves.
+as much from the dial drawn with its needles where these were read, the readings do not explain what moves. And a needle
+as the flight taught it, whether from print, from a tail or from another hand, must be found where somebody drew it.
 """
 
 from __future__ import annotations
@@ -29,12 +30,14 @@ from decoder.instruments.found import Needle, all_above
 from decoder.instruments.needle_learner import Readings
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
+from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.faces import LitViews
 from decoder.matching.layered_dial import DialComparison
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MIN_VIEWS, MOSTLY
 from decoder.panel.arrays import Floats
-from decoder.registration.thresholds import NOISE_LEVELS
+from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS
 
 
 def unexplained_gauges(reader: PanelReader, views: LitViews, found: Sequence[Readings]) -> Mapping[str, frozenset[str]]:
@@ -53,6 +56,38 @@ def unexplained_gauges(reader: PanelReader, views: LitViews, found: Sequence[Rea
     out, since they check each other.
     """
     return dict(_unexplained(reader, views, found))
+
+
+def mistaken_needles(reader: PanelReader) -> Mapping[str, float]:
+    """Find the needles that, as they were learned, match the panel picture better elsewhere than where they were drawn.
+
+    Then a flight taught something else, such as a tail that is as long and not described. Hands that share a dial are
+    left out: one may hide another.
+
+    Returns
+    -------
+    By name, how far away the panel picture shows what was learned, degrees.
+    """
+    return dict(_mistaken(reader))
+
+
+def _mistaken(reader: PanelReader) -> Iterator[tuple[str, float]]:
+    gauges = reader.source.panel.gauges
+    for index, (gauge, grid, face) in enumerate(zip(gauges, reader.grids, reader.appearance.faces, strict=True)):
+        if not isinstance(grid, PolarGrid) or len(gauge.over_face) != 1:
+            continue
+        (pointer,) = gauge.over_face
+        if pointer.at_deg is None:
+            continue
+        needle = Needle(pointer.name, index, gauge, grid, face, reader.appearance.templates[pointer.name])
+        matches, _ = partial_normxcorr(reader.own_gauges[index], face, needle.template)
+        rows = np.arange(len(matches)) + needle.axis
+        off_deg = (rows - row_of_angle(grid, pointer.at_deg)) * grid.step_deg
+        away_deg, reach_deg = np.abs(shortest(off_deg, FULL_CIRCLE_DEG)), HALF * needle.template.rows * grid.step_deg
+        is_home, is_elsewhere = away_deg <= reach_deg, needle.allowed[rows] & (away_deg > reach_deg)
+        home, elsewhere = (float(matches[own].max(initial=0.0)) for own in (is_home, is_elsewhere))
+        if elsewhere > max(home, LIKELY_SCORE):
+            yield pointer.name, float(away_deg[is_elsewhere][matches[is_elsewhere].argmax()])
 
 
 def _unexplained(

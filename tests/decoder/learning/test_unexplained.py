@@ -1,8 +1,9 @@
-"""Dials on which something like a needle moves that no needle accounts for."""
+"""Dials on which something like a needle moves that no needle accounts for, and needles learned from something else."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Reading, Status
 from decoder.learning.fit import FittedReader, fit_to_flight
+from decoder.learning.unexplained import mistaken_needles
 from tests.decoder.instruments.dials import CENTRE, Canvas, Hand, apart, paint, reader_for
 
 LINE_DEG, FIRST_DEG, LAST_DEG, FRAMES = 200.0, 230.0, 400.0, 16
@@ -97,3 +99,29 @@ def test_needle_that_stands_still_is_read_while_glare_moves_over_the_dial() -> N
     fit, found = fitted(speed(300.0), dial([(Hand(), 300.0)]), frames)
     assert sum(reading.status is Status.READ for reading in found) >= FRAMES - 6
     assert not fit.unexplained
+
+
+def test_needle_learned_from_something_else_is_told_by_where_the_panel_picture_shows_it() -> None:
+    """A tail, for example: it is found far from where the needle was drawn, and the needle itself is not."""
+    tip, tail = Hand(level=110.0, tip=45.0), Hand(root_half=4.0, tip_half=4.0)
+    panel = dial([(tip, 250.0), (tail, 390.0)])
+    drawn, other = reader_for([speed(250.0)], panel), reader_for([speed(390.0)], panel)
+    bare = reader_for([speed(250.0)], dial([(tip, 250.0)])).appearance.faces
+    taught = drawn.with_appearance(replace(other.appearance, faces=bare))
+
+    assert mistaken_needles(taught) == {"speed_kt": pytest.approx(140.0, abs=0.5)}
+    assert not mistaken_needles(drawn.with_appearance(replace(drawn.appearance, faces=bare)))
+
+
+def test_needle_learned_from_something_else_is_not_read_and_the_reason_is_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its matches are all of something else, however good they are."""
+    panel, frames = dial([(Hand(), 300.0)]), [dial([(Hand(), deg)], 1 + at) for at, deg in enumerate(NEEDLE_DEG)]
+    _, found = fitted(speed(300.0), panel, frames)
+    monkeypatch.setattr("decoder.learning.fit.mistaken_needles", lambda _: {"speed_kt": 179.0})
+    fit, lost = fitted(speed(300.0), panel, frames)
+
+    assert {reading.status for reading in found} == {Status.READ}
+    assert {reading.status for reading in lost} == {Status.MISSING}
+    assert any("lies 179 degrees from it in the panel picture" in each for each in fit.findings["speed"])
