@@ -204,10 +204,12 @@ GREEN: Colour = (0.0, 120.0, 20.0)  # 73 levels of luma, and 74
 RED_LIGHT: Colour = (200.0, 22.0, 10.0)
 
 
-def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0, words: bool = False) -> bytes:
-    """A JPEG of a red pointer on a teal track as bright, and of a lamp that is green, or red and as bright.
+def windows(
+    flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0, words: bool = False, pointer: Colour = RED
+) -> bytes:
+    """A JPEG of a pointer on a teal track as bright as red, and of a lamp that is green, or red and as bright.
 
-    With words, each colour has its own on it.
+    With words, each of the lamp's colours has its own on it.
     """
 
     def plane(place: int) -> np.ndarray:
@@ -217,7 +219,7 @@ def windows(flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0, words
         for mark in range(30, 160, 15):
             canvas.polygon([(40, mark - 0.6), (45, mark - 0.6), (45, mark + 0.6), (40, mark + 0.6)], 200.0)
         y = 150.0 - 3.0 * flap_deg
-        canvas.polygon([(46, y), (58, y - 4.0), (58, y + 4.0)], RED[place])
+        canvas.polygon([(46, y), (58, y - 4.0), (58, y + 4.0)], pointer[place])
         canvas.polygon([(145, 105), (179, 105), (179, 131), (145, 131)], 95.0)
         canvas.polygon([(150, 110), (174, 110), (174, 126), (150, 126)], (RED_LIGHT if is_red else GREEN)[place])
         for x in range(153 + 2 * is_red, 172, 4) if words else ():
@@ -250,6 +252,17 @@ def test_windows_in_which_luma_shows_no_change_are_read_in_their_colours(*, word
     assert scale.values_at(np.array([each["flap_deg"].angle_deg for each in read])) == pytest.approx(flaps_deg, abs=0.3)
     assert fitted.findings["gen"][0].startswith("read in red")
     assert fitted.findings["flaps"][0].startswith("read in each pixel's brightest colour")
+
+
+def test_pointer_that_luma_shows_is_read_in_luma() -> None:
+    """It has one colour, unlike a bar, so no frame can show it in another that luma hides."""
+    flaps_deg = [20.0 + 18.0 * math.sin(0.4 * number) for number in range(24)]
+    jpegs = [windows(flap, seed, is_red=False, pointer=YELLOW) for seed, flap in enumerate(flaps_deg, start=1)]
+    fitted = fitted_of([FLAPS], windows(10.0, 0, is_red=False, pointer=YELLOW), jpegs)
+    read = [each.readings["flap_deg"] for each in read_of(fitted, jpegs)]
+
+    assert all(own.status is Status.READ for own in read)
+    assert not any(finding.startswith("read in") for finding in fitted.findings["flaps"])
 
 
 @pytest.mark.parametrize("face", [TEAL, GREY], ids=["teal", "grey"])
