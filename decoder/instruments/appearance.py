@@ -105,7 +105,8 @@ class Appearance:
         For each needle that seemed to stand still, the lowest score to be trusted exactly where it was cut. Print
         behind it, with the needle elsewhere, may match there too, but less well.
     likely_print
-        Needles that stood still while something else moved on their dials: never read.
+        Needles that stood still while something else moved on their dials, or were learned from something else: never
+        read.
     taught
         Indices in the panel of the instruments without needles that need not be learned again, since the flight would
         teach the same as long as they stay where they are. Windows always stay, wherever pivots are.

@@ -97,8 +97,6 @@ class FittedReader:
         Gauges whose pivots did not converge.
     unexplained
         Gauges on which something moves that their needles do not explain.
-    mistaken
-        By needle: how far from where it was drawn the panel picture shows what was learned as the needle, degrees.
     squeezes
         For each gauge in the panel's order, how the view squeezes it, if it was squared up; else None.
     allowed
@@ -115,7 +113,6 @@ class FittedReader:
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
     unexplained: frozenset[str]
-    mistaken: Mapping[str, float]
     squeezes: tuple[Squeeze | None, ...]
     allowed: tuple[Squeeze | None, ...]
     has_points: bool
@@ -124,9 +121,10 @@ class FittedReader:
     @property
     def findings(self) -> dict[str, tuple[str, ...]]:
         """Findings by gauge for the person who drew it."""
-        return {gauge.name: tuple(self._found(gauge)) for gauge in self.panel.gauges}
+        mistaken = mistaken_needles(self.reader)
+        return {gauge.name: tuple(self._found(gauge, mistaken)) for gauge in self.panel.gauges}
 
-    def _found(self, gauge: Gauge) -> Iterator[str]:
+    def _found(self, gauge: Gauge, mistaken: Mapping[str, float]) -> Iterator[str]:
         x, y = self.moved_px.get(gauge.name, (0.0, 0.0))
         mixture = self.reader.grids[self.panel.gauges.index(gauge)].mixture
         if mixture is not None:
@@ -155,7 +153,7 @@ class FittedReader:
                 "shows something that moves and is none of its needles: are its centre and all of its needles drawn"
                 " right? A needle that stands still there is not read"
             )
-        yield from self._needles_found(gauge)
+        yield from self._needles_found(gauge, mistaken)
         off_deg = max((uneven_deg(quantity) for quantity in gauge.quantities), default=0.0)
         if is_beyond_a_hand(off_deg):
             yield (
@@ -164,12 +162,12 @@ class FittedReader:
             )
         yield from mistakes(gauge)
 
-    def _needles_found(self, gauge: Gauge) -> Iterator[str]:
+    def _needles_found(self, gauge: Gauge, mistaken: Mapping[str, float]) -> Iterator[str]:
         for needle in gauge.turning:
-            if needle.name in self.mistaken:
+            if needle.name in mistaken:
                 yield (
                     f"{needle.name} is not read: what the flight shows as the needle lies"
-                    f" {self.mistaken[needle.name]:.0f} degrees from it in the panel picture; has the needle a `tail`?"
+                    f" {mistaken[needle.name]:.0f} degrees from it in the panel picture; has the needle a `tail`?"
                     " Does its template hold all of its tip?"
                 )
             own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
@@ -237,10 +235,9 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
     told = seen_from_pivots(gauges, paths, log_odds)
     unexplained = unexplained_gauges(last.reader, lit_views(last.reader, samples), last.found)
-    mistaken = mistaken_needles(last.reader)
     parts = list(zip(gauges, last.reader.source.panel.gauges, paths, last.pivots, strict=True))
     return FittedReader(
-        reader=_completed(last, frozenset(mistaken).union(*unexplained.values())),
+        reader=_completed(last, unexplained),
         panel=source.panel.model_copy(update={"gauges": told}),
         uncertainties=quantity_uncertainties(
             source,
@@ -261,7 +258,6 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         },
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
         unexplained=frozenset(unexplained),
-        mistaken=mistaken,
         squeezes=_corrected(last.reader.source),
         allowed=allowed,
         has_points=log_odds > 0.0,
@@ -502,11 +498,12 @@ def _around_pivots(
     return around_pivots(last.reader, steps, drawn=drawn, lifts_missing=missing)
 
 
-def _completed(last: _Round, likely_print: frozenset[str]) -> PanelReader:
-    """Mark needles in the reader of which some matches, or all those of print, are doubtful."""
+def _completed(last: _Round, unexplained: Mapping[str, frozenset[str]]) -> PanelReader:
+    """Mark needles in the reader of which some matches are doubtful, or all."""
     doubted, least = _doubted(last.found), dict[str, float]()
     for gauge in last.reader.source.panel.gauges:
         least |= least_at_home(gauge, last.found)
+    likely_print = frozenset(mistaken_needles(last.reader)).union(*unexplained.values())
     if not doubted and not least and not likely_print:
         return last.reader
     return last.reader.with_appearance(

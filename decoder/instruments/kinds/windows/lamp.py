@@ -560,13 +560,18 @@ class SurroundedLampReader:
         added = added_light(self._grid, self._far.drawn, strips, self._far.steady)
         has_changed = _is_beyond(self._lamp, self._far, added, 1).tolist()
         near = self._near.read(strips[:, *_cut(self._grid)], place_sigmas_px)
-        return [self._unless(*own) for own in zip(has_changed, near, strict=True)]
+        return [
+            _missing(own) if changed and self._seems_unchanged(own) else own
+            for changed, own in zip(has_changed, near, strict=True)
+        ]
 
-    def _unless(self, has_changed: bool, near: dict[str, Reading]) -> dict[str, Reading]:  # noqa: FBT001 - one of a row
-        """Return readings as missing if the lamp has changed, but they say that it is as in the panel picture."""
-        if not has_changed or near[self._lamp.name].angle_deg != float(self._lamp.lit):
-            return near
-        return {name: replace(reading, status=Status.MISSING) for name, reading in near.items()}
+    def _seems_unchanged(self, readings: dict[str, Reading]) -> bool:
+        """Whether the lamp is read as the panel picture shows it."""
+        return readings[self._lamp.name].angle_deg == float(self._lamp.lit)
+
+
+def _missing(readings: dict[str, Reading]) -> dict[str, Reading]:
+    return {name: replace(reading, status=Status.MISSING) for name, reading in readings.items()}
 
 
 class LampKind(WindowKind):
