@@ -250,8 +250,8 @@ def _uncertain(flight: FlightTable, name: str, row: int) -> Iterator[str]:
     part = float(flight.table.numbers(f"{name}_sigma")[row]) / (described.full_scale or math.nan)
     if part > SMALLEST_PART:
         yield (
-            f"one value in twenty may be off by {CONFIDENCE_SIGMAS * part:.1%} of full scale or more, which alone may keep"
-            " it from being `read`"
+            f"one value in twenty may be off by {CONFIDENCE_SIGMAS * part:.1%} of full scale or more, which alone may"
+            " keep it from being `read`"
         )
     elif part <= SMALLEST_PART:
         yield (

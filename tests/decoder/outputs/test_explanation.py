@@ -84,7 +84,7 @@ def test_a_gap_is_told_with_what_was_seen_around_it(data: FlightData) -> None:
 @pytest.mark.parametrize(
     ("sigma", "words"),
     [
-        (0.033 * 115.0, "may be off by 6.5% of full scale or more, which alone may keep it from"),
+        (0.033 * 115.0, "may be off by 6.5% of full scale or more, which alone may keep it from being `read`"),
         (0.002 * 115.0, "something may hide part of it, such as another needle, glare or a bug"),
     ],
 )
