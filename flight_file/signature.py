@@ -288,7 +288,8 @@ def _content(path: Path, *, private: bool = False) -> bytes:
                 raise KeyFileError(path, reason=reason)
             return file.read(MAX_SMALL_BYTES)
     except OSError as error:
-        raise KeyFileError(path, reason=f"cannot be read ({error.strerror}); check its name and permissions") from error
+        reason = f"cannot be read ({error.strerror}); check its name and permissions, and that its disk is there"
+        raise KeyFileError(path, reason=reason) from error
 
 
 def _write_new(path: Path, content: bytes, mode: int) -> None:

@@ -17,7 +17,7 @@ import click
 from camera_drivers.errors import CameraError
 from flight_file.errors import FlightFileError
 from flight_file.untrusted import printable
-from recorder.errors import ConfigurationError, RecorderError
+from recorder.errors import MAY_PASS, ConfigurationError, RecorderError
 
 FAILED = 1
 DONE_WITH_LOSS = 3
@@ -28,8 +28,8 @@ _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
     (CameraError, FAILED),
     (FlightFileError, FAILED),
 )
-# Of reading a file: the disk failed or something was used up, and at the next start it may be otherwise.
-_MAY_PASS = {errno.EIO, errno.ENODEV, errno.ESTALE, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN}
+# Of reading a file: its disk failed or is not mounted yet, or something was used up; the next start may find it.
+_MAY_PASS = MAY_PASS | {errno.ENOENT}
 # Name: module that has the click command under the same name, and the line for `recorder --help`.
 COMMANDS = {
     "run": ("recorder.run", "Record until stopped, or until a replay ends."),

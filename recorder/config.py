@@ -116,9 +116,8 @@ def load_config(path: Path) -> tuple[RecorderConfig, bytes]:
     try:
         content = read_yaml_file(path)
     except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be read ({error.strerror}); check its name and permissions."
-        ) from error
+        reason = f"cannot be read ({error.strerror}); check its name and permissions, and that its disk is there"
+        raise ConfigurationError(f"{path}: {reason}.") from error
     return parse_config(checked_yaml(content, path), base=path.parent, name=str(path)), content
 
 

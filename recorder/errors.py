@@ -13,7 +13,13 @@ camera). Each message is one sentence that says what to do.
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
+
+MAY_PASS = frozenset(
+    (errno.EIO, errno.ENODEV, errno.ESTALE, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ETIMEDOUT)
+)
+"""Errors of a disk that fails, or of a system in which something is used up: later it may be otherwise."""
 
 
 class RecorderError(Exception):
@@ -21,7 +27,7 @@ class RecorderError(Exception):
 
 
 class ConfigurationError(RecorderError):
-    """The configuration is wrong; starting again does not help."""
+    """The configuration is wrong; starting again does not help, unless a file could not be read just now."""
 
 
 class ReplayNotPossibleError(RecorderError):

@@ -115,7 +115,8 @@ def _failures_of(path: Path, setting: str) -> Iterator[None]:
         if error.errno == errno.EFBIG:
             problem = f"{setting}: with {path} the attachments are larger than 64 MiB; attach smaller files."
             raise ConfigurationError(problem) from error
-        raise ConfigurationError(f"{setting}: {path} cannot be read ({error.strerror}); check its name.") from error
+        reason = f"cannot be read ({error.strerror}); check its name and permissions, and that its disk is there"
+        raise ConfigurationError(f"{setting}: {path} {reason}.") from error
 
 
 def configured_signer(settings: EvidenceSettings) -> Signer | None:

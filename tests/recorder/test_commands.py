@@ -179,8 +179,8 @@ def test_info_of_what_is_no_flight_is_one_sentence(tmp_path: Path) -> None:
         ({"storage": {"segment_s": -1}}, 78, "storage.segment_s: "),
         ({"storage": {"directory": "recorder.yaml/flights"}}, 78, "recorder.yaml, on the way there, is none; name"),
         ({"camera": {"path": ".", "rate_hz": None}}, 78, "Error: camera.path: "),
-        ({"camera": {"path": "none", "rate_hz": None}}, 78, "there is no such file"),
-        ({"evidence": {"key": "none.key"}}, 78, "Error: evidence.key: "),
+        ({"camera": {"path": "none", "rate_hz": None}}, 1, "there is no such file"),
+        ({"evidence": {"key": "recorder.yaml"}}, 78, "Error: evidence.key: "),
     ],
 )
 def test_run_that_cannot_be_is_one_sentence(
@@ -206,6 +206,31 @@ def test_run_whose_files_the_disk_does_not_give_is_started_again(write_config: W
     assert result.returncode == 1
     assert "cannot be read (Input/output error)" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("missing", ["recorder.yaml", "panel.yaml", "panel.jpg", "recorder.key"])
+def test_run_begins_when_the_disk_with_its_files_is_mounted(
+    write_config: WriteConfig, tmp_path: Path, missing: str
+) -> None:
+    """Until then it ends with 1, after which systemd starts it again, and one sentence that names the file."""
+    disk, absent = tmp_path / "disk", tmp_path / "absent"
+    disk.mkdir()
+    blocks = {"attach": {"panel": "disk/panel.yaml"}, "evidence": {"key": "disk/recorder.key"}}
+    (disk / "recorder.yaml").write_bytes(write_config(**blocks).read_bytes().replace(b"disk/", b""))
+    (disk / "panel.yaml").write_text("{name: P, picture: panel.jpg}", encoding="utf-8")
+    (disk / "panel.jpg").write_bytes(b"picture")
+    recorder("keygen", disk / "recorder.key")
+    (disk / missing).rename(absent)
+    early = recorder("run", "--config", disk / "recorder.yaml")
+    absent.rename(disk / missing)
+    late = recorder("run", "--config", disk / "recorder.yaml")
+
+    assert early.returncode == 1
+    assert f"{disk / missing}" in early.stderr
+    assert "cannot be read (No such file or directory)" in early.stderr
+    assert early.stderr.count("\n") == 1
+    assert late.returncode == 0, late.stderr
+    assert sum(1 for _ in open_flight(list(map(Path, late.stdout.splitlines()))).frames()) == 40
 
 
 @pytest.mark.parametrize(

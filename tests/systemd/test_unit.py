@@ -23,6 +23,7 @@ from recorder.thresholds import END_S, SILENCE_S
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 UNIT = SYSTEMD / "recorder.service"
 DESK = SYSTEMD.parent / "requirements.lock"
+FSTAB_GENERATOR = Path("/usr/lib/systemd/system-generators/systemd-fstab-generator")
 LARGEST_EXPOSURE = 15  # tenths; systemd calls up to 20 OK
 
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
@@ -98,6 +99,25 @@ def test_group_reads_recordings_and_writes_marks_alone() -> None:
     assert modes[state] == [setting("StateDirectoryMode"), "recorder", "recorder"]
     assert setting("StateDirectoryMode") == "0750"
     assert modes[f"{state}/marks"] == ["1770", "recorder", "recorder"]
+
+
+@pytest.mark.skipif(not FSTAB_GENERATOR.exists(), reason="systemd is not installed")
+def test_recorder_waits_for_its_disk_and_the_board_does_not(tmp_path: Path) -> None:
+    """As systemd reads the page's line for a separate disk: no end to the wait, and nothing else waits with it."""
+    page = (SYSTEMD.parent / "docs" / "box.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^LABEL=.*$", page, re.MULTILINE)
+    (tmp_path / "fstab").write_text(line + "\n", encoding="utf-8")
+    folders = [tmp_path / name for name in ("normal", "early", "late")]
+    for folder in folders:
+        folder.mkdir()
+    subprocess.run([FSTAB_GENERATOR, *folders], env={"SYSTEMD_FSTAB": str(tmp_path / "fstab")}, check=True)
+    (mount,) = folders[0].glob("*.mount")
+    (device,) = folders[0].glob("*.device.d/*.conf")
+
+    # The unit requires whatever is mounted at its state directory.
+    assert f"Where=/var/lib/{setting('StateDirectory')}\n" in mount.read_text(encoding="utf-8")
+    assert "Before=" not in mount.read_text(encoding="utf-8")
+    assert "JobRunningTimeoutSec=infinity" in device.read_text(encoding="utf-8")
 
 
 def test_every_setting_of_the_storage_is_on_the_page() -> None:
