@@ -39,6 +39,7 @@ from flight_file.session import BEGUN_SUFFIX, PART_SUFFIX, claimed_place
 from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded, recorded_so_far
 from flight_file.untrusted import regular_names
+from recorder.errors import MAY_PASS
 from recorder.journal import Journal
 from recorder.marks import MARKS_FOLDER, Marks, is_in_work, tidy_marks
 from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE, SALVAGE_AGAIN_S, SAY_S, SILENCE_S
@@ -53,6 +54,7 @@ Recover = Callable[[Path], str]
 """Finishes one file in work; says in words what became of it, and raises FlightFileError."""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 _ALL_REFUSED = (errno.EROFS, errno.EIO)  # a disk that refuses one deletion so refuses all
+_LATER = MAY_PASS | {errno.EROFS}
 _IN_WORK = (PART_SUFFIX, BEGUN_SUFFIX)
 _NICE = 10  # the camera and the disk go first
 
@@ -434,6 +436,8 @@ class Salvager(threading.Thread):
                 return
             self._waiting.pop(path.name, None)
         except FlightFileError as error:
+            if isinstance(error.__cause__, OSError) and error.__cause__.errno in _LATER:
+                self._postponed.append(path)
             self._journal.log.warning("segment_not_salvaged", path=str(path), reason=str(error))
             return
         except OSError as error:

@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import resource
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -22,10 +23,12 @@ from hypothesis import strategies as st
 from benchmarks.recorders import eventually
 from camera_drivers.qx10.options import Qx10Settings
 from fixtures.recordings import record_flight
-from flight_file.errors import FlightNotWrittenError, NothingToRecoverError
+from flight_file.errors import FlightNotReadableError, FlightNotWrittenError, NothingToRecoverError
 from flight_file.files import DurableFile, claimed
 from flight_file.reader import open_flight
 from flight_file.records import DamagedRecordError
+from flight_file.salvage import recover_segment
+from flight_file.session import UNKNOWN_TIME
 from flight_file.signature import signature_path
 from flight_file.summary import Recorded, recorded
 from recorder import housekeeping, marks
@@ -672,6 +675,55 @@ def test_file_that_a_quota_leaves_no_room_for_is_salvaged_later(
     assert waited == [False, True, True]
     assert log.getvalue().count("there is no room for it now") == 2
     assert waiting == {}
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EROFS])
+@pytest.mark.parametrize("kind", [FlightNotReadableError, FlightNotWrittenError])
+def test_file_on_a_disk_that_fails_for_a_while_is_salvaged_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, kind: type[FlightNotReadableError | FlightNotWrittenError]
+) -> None:
+    """Not only at the next start, which may be at the end of the flight."""
+    monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
+    part, failing, log = tmp_path / "R_0000.mcap.part", [1, 2], io.StringIO()
+    part.write_bytes(bytes(100))
+
+    def recover(path: Path) -> str:
+        if failing:
+            failing.pop()
+            raise kind(path, reason=os.strerror(number)) from OSError(number, os.strerror(number))
+        return "recovered"
+
+    salvager = Salvager(recover, free_bytes=lambda _path: 10**9, journal=Journal(log), waiting={})
+    salvager.start()
+    salvager.submit(part)
+    eventually(lambda: "segment_salvaged" in log.getvalue())
+
+    assert log.getvalue().count(os.strerror(number)) == 2
+
+
+def test_file_is_salvaged_when_the_system_can_open_files_again(
+    tmp_path: Path, segment: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """None can be opened for a while; then it is recovered as if nothing had been."""
+    monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
+    part, log = tmp_path / "20180504T120000Z_0000.mcap.part", io.StringIO()
+    part.write_bytes(segment[:-100])
+
+    def recover(path: Path) -> str:
+        return recover_segment(path, at=UNKNOWN_TIME).outcome.value
+
+    salvager = Salvager(recover, free_bytes=lambda _path: 10**9, journal=Journal(log), waiting={})
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, limits[1]))
+    try:
+        salvager.start()
+        salvager.submit(part)
+        eventually(lambda: "Too many open files" in log.getvalue())
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    eventually(lambda: "segment_salvaged" in log.getvalue())
+
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["20180504T120000Z_0000.mcap"]
 
 
 def test_disk_that_does_not_say_what_is_there_ends_no_salvage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
