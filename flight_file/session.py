@@ -56,7 +56,7 @@ _NAME = re.compile(
 PART_SUFFIX = ".part"
 BEGUN_SUFFIX = ".begun"
 RECOVERING_SUFFIX = ".recovering"
-_BEGUN_OR_RECOVERING = re.compile(r"(?P<of>.+)(?P<end>\.begun|\.recovering(-\d+)?)", re.ASCII | re.DOTALL)
+_UNFINISHED = re.compile(r"(?P<of>.+)(?P<end>\.begun|\.recovering(-\d+)?|\.sig\.new(-\d+)?)", re.ASCII | re.DOTALL)
 
 SESSION_RECORD = "session"
 ATTACHMENTS_RECORD = "attachments"
@@ -356,7 +356,7 @@ def claimed_place(path: Path) -> tuple[str, int] | None:
 
 def is_left_over(name: str) -> bool:
     """Whether an interrupted write left a file of this name, unless somebody is at it now: nobody will look for it."""
-    match = _BEGUN_OR_RECOVERING.fullmatch(name)
+    match = _UNFINISHED.fullmatch(name)
     if match is None:
         return False
     of = Path(match["of"])

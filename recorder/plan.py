@@ -305,7 +305,7 @@ def _free_name(directory: Path, at: ClockReading, wiring: Wiring, name: str | No
 
 
 def _remove_left_over(directory: Path) -> None:
-    """Remove what a power cut left of segments without a picture and of recoveries, except what is written just now.
+    """Remove what a power cut left of segments without a picture, recoveries, signatures; not what is written just now.
 
     A recovery begins anew; but its file may be deleted before there is room for that, and then nothing else would ever
     remove what is left.

@@ -29,7 +29,7 @@ from flight_file.reader import open_flight
 from flight_file.records import DamagedRecordError
 from flight_file.salvage import recover_segment
 from flight_file.session import UNKNOWN_TIME
-from flight_file.signature import signature_path
+from flight_file.signature import make_key_files, signature_path
 from flight_file.summary import Recorded, recorded
 from recorder import housekeeping, marks
 from recorder import run as run_module
@@ -42,6 +42,7 @@ from recorder.journal import Journal
 from recorder.run import Assembly
 from recorder.supervision import Heartbeats
 from recorder.thresholds import LOOKS, NAMED_AT_ONCE, READS_AT_ONCE
+from tests.programs import write_yaml
 from tests.recorder.helpers import Configure, StartDaemon
 
 MIB = 2**20
@@ -543,6 +544,29 @@ def test_what_a_killed_recovery_left_takes_no_room_for_ever(start_daemon: StartD
     assert sorted(path.name for path in daemon.directory.glob("*.recovering*")) == names[2:]
 
 
+def test_signature_that_a_kill_cut_short_takes_no_room_for_ever(pictures: Path, tmp_path: Path) -> None:
+    """The recorder was killed while it signed, and its file was renamed since; a file of a stranger stays."""
+    flights = tmp_path / "flights"
+    document = {
+        "camera": {"driver": "replay", "path": str(pictures), "rate_hz": 4, "pace": "fastest"},
+        "storage": {"directory": str(flights)},
+        "evidence": {"key": "recorder.key"},
+    }
+    write_yaml(tmp_path / "recorder.yaml", document)
+    make_key_files(tmp_path / "recorder.key")
+    die = "import os, pathlib; pathlib.Path.replace = lambda *_: os.kill(os.getpid(), 9); "
+    words = ["run", "--config", str(tmp_path / "recorder.yaml")]
+    run([sys.executable, "-c", f"{die} from recorder.cli import main; main({words})"], check=False, capture_output=True)
+    left = sorted(path.name for path in flights.iterdir())
+    (flights / left[0]).rename(flights / "20180504T120000Z_0001.mcap")  # so that the next recording has another name
+    (flights / "notes.sig.new").touch()
+    again = run([sys.executable, "-c", f"from recorder.cli import main; main({words})"], check=True)
+
+    assert left == ["20180504T120000Z_0000.mcap.part", "20180504T120000Z_0000.mcap.sig.new"]
+    assert again.returncode == 0
+    assert [path.name for path in flights.glob("*.sig.new*")] == ["notes.sig.new"]
+
+
 def test_file_in_work_that_waits_for_room_goes_in_its_turn(tmp_path: Path, segment: bytes) -> None:
     """By its age and its hours like a finished one, but not if it is marked, in work, or does not wait."""
     disk, waiting = SmallDisk(tmp_path, 0), dict[str, Recorded]()
@@ -680,7 +704,10 @@ def test_file_that_a_quota_leaves_no_room_for_is_salvaged_later(
 @pytest.mark.parametrize("number", [errno.EIO, errno.EROFS])
 @pytest.mark.parametrize("kind", [FlightNotReadableError, FlightNotWrittenError])
 def test_file_on_a_disk_that_fails_for_a_while_is_salvaged_later(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, kind: type[FlightNotReadableError | FlightNotWrittenError]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: int,
+    kind: type[FlightNotReadableError | FlightNotWrittenError],
 ) -> None:
     """Not only at the next start, which may be at the end of the flight."""
     monkeypatch.setattr(housekeeping, "SALVAGE_AGAIN_S", 0.01)
