@@ -37,7 +37,7 @@ class Connection:
 
 
 def find(options: Qx10Settings, clock: Clock, waiter: Waiter) -> tuple[Link, Description]:
-    """Find the configured camera, or else the first on the network that describes itself as one.
+    """Find the configured camera, or else one on the network that describes itself as one, by `first_camera`.
 
     Raises
     ------
@@ -62,7 +62,8 @@ def connect(options: Qx10Settings, clock: Clock, waiter: Waiter) -> Connection:
         watcher = Watcher(RemoteApi(link.parallel(clock, SilentReporter()), description.services), events)
         begin(watcher, "getEvent")
     try:
-        identity = CameraIdentity(DRIVER, description.name, description.serial, _application(api))
+        note = _application(api) + _of_several(description)
+        identity = CameraIdentity(DRIVER, description.name, description.serial, note)
     except BaseException:
         if watcher is not None:
             watcher.stop()
@@ -76,6 +77,14 @@ def _configured(url: str, options: Qx10Settings, waiter: Waiter) -> tuple[Link, 
     exchange = link.exchange(2 * limit_s)
     work = partial(fetch_description, exchange, url)
     return link, waiter.until_done("description", work, exchange.abort, limit_s=limit_s)
+
+
+def _of_several(description: Description) -> str:
+    """Say which of several cameras it is."""
+    if not description.others:
+        return ""
+    others = ", ".join(description.others)
+    return f", of {len(description.others) + 1} cameras the one with the lowest address; camera.url chooses: {others}"
 
 
 def _application(api: RemoteApi) -> str:

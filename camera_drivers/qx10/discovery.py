@@ -9,7 +9,8 @@ by which a forger could make the box command another device.
                              └─ no camera, silent, too slow: its place is free for the next answer
 
 A slow device does not delay the others: it keeps its place for as long as a call may take, or, while all places are
-taken, for CROWDED_S.
+taken, for CROWDED_S. Every camera has SEARCH_AGAIN_S to answer; of several, the one with the lowest address is taken,
+whichever was faster.
 
 A camera's description is an XML page that says who it is: UPnP's device description with Sony's `av` part, in which
 `X_ScalarWebAPI_Service` names each service and the URL that its calls go below. It comes from an unknown sender, so its
@@ -23,7 +24,7 @@ import struct
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from ipaddress import ip_address, ip_network
 from itertools import islice
@@ -67,11 +68,14 @@ class Description:
     ----------
     services
         URL of each service by its name, as the camera gives it.
+    others
+        Addresses of the other cameras that answered the search.
     """
 
     name: str
     serial: str
     services: Mapping[str, str]
+    others: tuple[str, ...] = ()
 
 
 def fetch_description(exchange: Exchange, url: str) -> Description:
@@ -123,7 +127,9 @@ def _serial(udn: str) -> str:
 
 
 def first_camera(options: Qx10Settings, clock: Clock, waiter: Waiter) -> tuple[str, Description]:
-    """Search the network; return address and description of the first device that describes itself as a camera.
+    """Search the network; return address and description of the device that describes itself as a camera.
+
+    Of several, it is the one with the lowest address.
 
     Raises
     ------
@@ -142,26 +148,21 @@ def first_camera(options: Qx10Settings, clock: Clock, waiter: Waiter) -> tuple[s
         try:
             while (now_ns := clock.read().monotonic_ns) < end_ns:
                 if now_ns >= ask_ns:
+                    if inquiries.cameras:
+                        break
                     _ask(sock, question, options)
                     ask_ns = now_ns + round(SEARCH_AGAIN_S * NS_PER_S)
-                if found := inquiries.found():
-                    return found
-                inquiries.begin(_answers(sock))
+                inquiries.begin(_datagrams(sock))
                 waiter.pause("looking for the camera", LOOK_S)
+                inquiries.look()
         finally:
             inquiries.give_up()
-    raise inquiries.failure or CameraNotFoundError(
-        "No camera answers on the network; check that it is on, or give camera.url."
-    )
+    return inquiries.first()
 
 
 def location(answer: bytes, sender: str) -> str | None:
     """Extract the address of a description from a search answer; None if it is not credible."""
-    lines = answer.decode("latin-1").split("\r\n")
-    headers = {name.strip().upper(): value.strip() for name, _, value in (line.partition(":") for line in lines[1:])}
-    if not lines[0].startswith("HTTP/1.") or " 200" not in lines[0] or headers.get("ST") != SERVICE:
-        return None
-    url = headers.get("LOCATION", "")
+    url = _claimed_location(answer) or ""
     try:
         own = host_of(url) == sender
     except BadUrlError:
@@ -171,11 +172,21 @@ def location(answer: bytes, sender: str) -> str | None:
     return url if own and plain and any(ip_address(sender) in network for network in NETWORKS) else None
 
 
+def _claimed_location(answer: bytes) -> str | None:
+    """Return what an answer names as the address of a camera's description; None if it is no answer of a camera."""
+    lines = answer.decode("latin-1").split("\r\n")
+    headers = {name.strip().upper(): value.strip() for name, _, value in (line.partition(":") for line in lines[1:])}
+    if not lines[0].startswith("HTTP/1.") or " 200" not in lines[0] or headers.get("ST") != SERVICE:
+        return None
+    return headers.get("LOCATION", "")
+
+
 @dataclass(frozen=True, slots=True)
 class _Inquiry:
     """A pending request for a description."""
 
     host: str
+    url: str
     exchange: Exchange
     job: Job[Description]
     began_ns: int
@@ -186,8 +197,8 @@ class _Inquiries:
 
     Attributes
     ----------
-    failure
-        Of the last that was no camera.
+    cameras
+        Those found so far: address and description by URL.
     """
 
     def __init__(self, limits: Qx10Limits, clock: Clock) -> None:
@@ -195,41 +206,63 @@ class _Inquiries:
         self._clock = clock
         self._running: list[_Inquiry] = []
         self._asked: deque[str] = deque(maxlen=MAX_KNOWN_URLS)
-        self.failure: CameraError | None = None
+        self._failure: CameraError | None = None
+        self.cameras: dict[str, tuple[str, Description]] = {}
 
-    def begin(self, urls: Iterator[str]) -> None:
+    def begin(self, datagrams: Iterator[tuple[bytes, str]]) -> None:
         """Start requests for as many candidates as there are places, and ignore the others."""
-        while len(self._running) < MAX_DESCRIPTIONS and (url := next(urls, None)) is not None:
-            if url not in self._asked:
+        left = islice(datagrams, MAX_DATAGRAMS)
+        while len(self._running) < MAX_DESCRIPTIONS and (datagram := next(left, None)) is not None:
+            url = location(*datagram)
+            if url is None:
+                self._refuse(*datagram)
+            elif url not in self._asked:
                 self._asked.append(url)
                 self._begin(url)
 
-    def found(self) -> tuple[str, Description] | None:
-        """Return the first camera as soon as there is one; devices that answered or timed out make room for others."""
+    def first(self) -> tuple[str, Description]:
+        """Return the camera with the lowest address; raises CameraError if there is none."""
+        if not self.cameras:
+            raise self._failure or CameraNotFoundError(
+                "No camera answers on the network; check that it is on, or give camera.url."
+            )
+        urls = sorted(self.cameras, key=lambda url: (ip_address(self.cameras[url][0]), url))
+        host, description = self.cameras[urls[0]]
+        return host, replace(description, others=tuple(urlsplit(url).netloc for url in urls[1:]))
+
+    def look(self) -> None:
+        """Take in who has answered; devices that answered or timed out make room for others."""
         limit_s = self._limits.call_s if len(self._running) < MAX_DESCRIPTIONS else CROWDED_S
         oldest_ns = self._clock.read().monotonic_ns - round(limit_s * NS_PER_S)
         for inquiry in tuple(self._running):
             if inquiry.job.done.is_set():
                 self._running.remove(inquiry)
                 try:
-                    return inquiry.host, inquiry.job.outcome()
+                    self.cameras[inquiry.url] = inquiry.host, inquiry.job.outcome()
                 except CameraError as error:
-                    self.failure = error
+                    self._failure = error
             elif inquiry.began_ns <= oldest_ns:
                 inquiry.exchange.abort()  # its place is free when its thread has noticed
-        return None
 
     def give_up(self) -> None:
         """Abort the pending requests."""
         for inquiry in self._running:
             inquiry.exchange.abort()
 
+    def _refuse(self, answer: bytes, sender: str) -> None:
+        url = _claimed_location(answer)
+        if url is not None and self._failure is None:
+            self._failure = CameraNotFoundError(
+                f"{sender} answers as a camera does, but names {shown(url) or 'no page'}, and only an http page at its"
+                " own IPv4 address, on a private network, is believed; give camera.url."
+            )
+
     def _begin(self, url: str) -> None:
         host = host_of(url)
         exchange = Exchange(host, connect_s=self._limits.connect_s, quiet_s=2 * self._limits.call_s)
         job = Job("description", partial(fetch_description, exchange, url))
         begin(job, "description")
-        self._running.append(_Inquiry(host, exchange, job, self._clock.read().monotonic_ns))
+        self._running.append(_Inquiry(host, url, exchange, job, self._clock.read().monotonic_ns))
 
 
 def _question(host: str, port: int) -> bytes:
@@ -269,12 +302,6 @@ def _ask(sock: socket.socket, question: bytes, options: Qx10Settings) -> None:
 def _not_looked_for(interface: str | None, error: OSError) -> CameraNotFoundError:
     where = interface or "any interface"
     return CameraNotFoundError(f"The camera cannot be looked for on {where} ({error.strerror}); check the network.")
-
-
-def _answers(sock: socket.socket) -> Iterator[str]:
-    for answer, sender in islice(_datagrams(sock), MAX_DATAGRAMS):
-        if url := location(answer, sender):
-            yield url
 
 
 def _datagrams(sock: socket.socket) -> Iterator[tuple[bytes, str]]:

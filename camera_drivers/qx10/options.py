@@ -27,6 +27,8 @@ def _http_url(url: str) -> str:
         host.encode("idna")  # a name with a part of no letter or of too many could be looked up nowhere
     except (BadUrlError, UnicodeError) as error:
         raise ValueError("it is no http URL") from error
+    if ":" in host:
+        raise ValueError("it has an IPv6 address, and the camera is called by IPv4 only; give its IPv4 address")
     return url
 
 

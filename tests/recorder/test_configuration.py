@@ -201,6 +201,10 @@ def write(path: Path, content: str | bytes) -> Path:
         (REPLAY + "pace: slow}\n" + STORAGE, "'realtime' or 'fastest'"),
         (REPLAY + "interval_s: 1}\n" + STORAGE, "camera.interval_s: there is no such setting"),
         ("camera: {driver: leica}\n" + STORAGE, "'leica'"),
+        (
+            QX10 + "url: 'http://[fe80::1%wlan0]:64321/DmsRmtDesc.xml'}\n" + STORAGE,
+            "camera.url: value error, it has an IPv6",
+        ),
         (QX10 + "url: 10.0.0.1}\n" + STORAGE, "camera.url: value error, it is no http URL, got '10.0.0.1'"),
         (
             "camera: {driver: rtsp, url: 'rtsp://crew:pass@10.0.0.1/'}\n" + STORAGE,

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import count, takewhile
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from camera_drivers.errors import CameraNotFoundError
+from camera_drivers.qx10.camera import Qx10Camera
 from camera_drivers.qx10.discovery import first_camera, location, parse_description
 from camera_drivers.qx10.options import Qx10Limits, Qx10Settings
 from camera_drivers.qx10.simulator.simulator import SimulatedQx10
@@ -21,8 +24,8 @@ from camera_drivers.reporter import Reporter
 from camera_drivers.thresholds import MAX_DESCRIPTIONS
 from camera_drivers.waiting import Stopped, Waiter
 from recorder.host import SystemClock
-from tests.camera_drivers.listening import no_more_files
-from tests.camera_drivers.qx10.conftest import settings_for
+from tests.camera_drivers.listening import Listener, no_more_files
+from tests.camera_drivers.qx10.conftest import QUICK, settings_for
 from tests.camera_drivers.qx10.strangers import OK, Act, Strangers, drip, send, send_a_gigabyte
 
 MakeBench = Callable[..., Any]
@@ -105,7 +108,7 @@ ENOUGH_S = 20.0  # a search that waits for one stranger takes longer
 
 @contextmanager
 def network(urls: Iterable[str]) -> Iterator[Qx10Settings]:
-    """One on which every question is answered with these locations, in this order."""
+    """One on which every question is answered with these locations, in this order, each from its own address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
 
@@ -117,7 +120,10 @@ def network(urls: Iterable[str]) -> Iterator[Qx10Settings]:
                 with suppress(TimeoutError):
                     _, sender = sock.recvfrom(2048)
                     for url in takewhile(lambda _: not over.is_set(), urls):
-                        sock.sendto(answer(url=url), sender)
+                        own = re.match(r"http://(127[\d.]+)", url)
+                        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+                            device.bind((own[1] if own else "127.0.0.1", 0))
+                            device.sendto(answer(url=url), sender)
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -176,6 +182,37 @@ def test_stop_ends_the_search_and_all_that_are_asked(
         if thread.name == "camera description":
             thread.join(timeout=5)
             assert not thread.is_alive()
+
+
+@pytest.mark.parametrize("slower", [0, 1])
+def test_of_two_cameras_the_one_with_the_lowest_address_is_driven(listener: Listener, slower: int) -> None:
+    """Whichever answers first; the log and the flight name the other one, and a configured one is driven instead."""
+    clock = SystemClock()
+    with ExitStack() as stack:
+        cameras = [stack.enter_context(SimulatedQx10(clock, behaviour=QUICK, host=f"127.0.0.{end}")) for end in (2, 10)]
+        urls = [camera.url for camera in cameras]
+        options = stack.enter_context(network([urls[1 - slower], urls[slower]]))
+        with Qx10Camera(options, clock, listener) as camera:
+            found = camera.identity.note
+        with Qx10Camera(options.model_copy(update={"url": urls[1]}), clock, listener) as camera:
+            configured = camera.identity.note
+
+    assert "at 127.0.0.2:" in found
+    assert f", of 2 cameras the one with the lowest address; camera.url chooses: {urlsplit(urls[1]).netloc}" in found
+    assert any(status.state == "connected" and found in status.reason for status in listener.reports)
+    assert "at 127.0.0.10:" in configured
+    assert "cameras" not in configured
+
+
+@pytest.mark.parametrize("url", ["http://[fe80::1%25wlan0]:64321/DmsRmtDesc.xml", "http://0.0.0.0:64321/x", ""])
+def test_camera_that_names_a_page_elsewhere_is_one_sentence(listener: Reporter, url: str) -> None:
+    """At an IPv6 address, or none: who looks for the camera is told that it answers, and what it names."""
+    clock = SystemClock()
+    with network([url]) as options:
+        quick = options.model_copy(update={"limits": Qx10Limits(search_s=0.5)})
+        with pytest.raises(CameraNotFoundError, match=r"^127\.0\.0\.1 answers.*; give camera\.url\.$") as caught:
+            first_camera(quick, clock, Waiter(clock, listener))
+    assert (url or "no page") in str(caught.value)
 
 
 def test_nobody_but_strangers_is_one_sentence(strangers: Strangers, listener: Reporter) -> None:
