@@ -17,14 +17,19 @@ Usage: systemd/install.sh [--dry-run] [--root DIR] [--driver NAME] [--camera SSI
   --uninstall         remove all but the configuration, the recordings and the user
   --program-only DIR  put the program into DIR/bin, as on the box, and touch nothing else; anybody may
 
-Run it as root from a checkout of the project. It needs python3-venv, NetworkManager for --camera, and rpicam-apps-lite
-for picamera.
+Run it as root from a checkout of the project. It needs python3-venv, NetworkManager and wpasupplicant for --camera, and
+rpicam-apps-lite for picamera.
 USAGE
 }
 
 fail() {
     echo "install.sh: $1" >&2
     exit "${2:-1}"
+}
+
+refuse() { # why it cannot be installed
+    $DRY_RUN || fail "$1"
+    echo "would fail: $1"
 }
 
 needs() { # option, its value
@@ -139,10 +144,27 @@ put_devices() {
     run_live udevadm trigger --subsystem-match=dma_heap
 }
 
+is_there() { # a command, also where root's PATH lacks the system's own
+    (PATH=$PATH:/usr/sbin:/sbin; command -v "$1" >/dev/null)
+}
+
+check_network() {
+    if [ -z "$ROOT" ] && ! is_there wpa_supplicant && ! [ -x /usr/libexec/iwd ]; then
+        refuse "NetworkManager joins no Wi-Fi without wpa_supplicant; install it: apt-get install wpasupplicant"
+    fi
+    if grep -Eqs "^[[:space:]]*iface[[:space:]]+$INTERFACE([[:space:]]|\$)" \
+        "$ROOT/etc/network/interfaces" "$ROOT"/etc/network/interfaces.d/*; then
+        refuse "NetworkManager leaves $INTERFACE alone while /etc/network/interfaces names it; take it out of there."
+    fi
+}
+
 install_all() {
     profile=
-    if [ "$DRIVER" = picamera ] && [ -z "$ROOT" ] && ! command -v rpicam-vid >/dev/null; then
-        $DRY_RUN || fail "there is no rpicam-vid; install it: apt-get install rpicam-apps-lite"
+    if [ "$DRIVER" = picamera ] && [ -z "$ROOT" ] && ! is_there rpicam-vid; then
+        refuse "there is no rpicam-vid; install it: apt-get install rpicam-apps-lite"
+    fi
+    if [ -n "$SSID" ]; then
+        check_network
     fi
     if [ -n "$SSID" ] && ! $DRY_RUN; then # before anything is changed: it may be refused
         profile=$(python3 "$HERE/camera_profile.py" "$SSID" "$INTERFACE") || exit 1

@@ -156,6 +156,38 @@ def test_wifi_that_cannot_be_is_refused_before_anything_is_done(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("line", ["iface wlan1 inet dhcp", "  iface wlan1"])
+def test_wifi_that_networkmanager_leaves_alone_is_refused(tmp_path: Path, line: str) -> None:
+    """As where Debian was installed over that Wi-Fi: the camera would never be joined, and nothing would say so."""
+    interfaces = tmp_path / "etc/network/interfaces"
+    interfaces.parent.mkdir(parents=True)
+    interfaces.write_text(f"auto lo\niface lo inet loopback\n# iface wlan0\n{line}\n", encoding="utf-8")
+    named, other = install("--root", str(tmp_path), *JOIN), install("--root", str(tmp_path), *JOIN[:3], "wlan0")
+    dry = install("--dry-run", "--root", str(tmp_path), *JOIN)
+
+    assert (named.returncode, other.returncode, dry.returncode) == (1, 0, 0)
+    assert named.stderr.endswith("while /etc/network/interfaces names it; take it out of there.\n")
+    assert named.stderr.count("\n") == 1
+    assert "would fail: NetworkManager leaves wlan1 alone" in dry.stdout
+
+
+def test_wifi_needs_a_program_that_joins_it(tmp_path: Path) -> None:
+    """Debian's NetworkManager does without: the dry run says that it is missing, and the page has it installed."""
+    page = (SYSTEMD.parent / "docs" / "box.md").read_text(encoding="utf-8")
+    (packages,) = (line.split() for line in page.splitlines() if "apt-get install" in line)
+    found = shutil.which("wpa_supplicant", path=f"{os.environ['PATH']}:/usr/sbin:/sbin")
+    said = "would fail: NetworkManager joins no Wi-Fi without wpa_supplicant"
+    without = install("--dry-run", *JOIN)
+    (tmp_path / "wpa_supplicant").symlink_to("/bin/true")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+        joined = install("--dry-run", *JOIN)
+
+    assert {"network-manager", "wpasupplicant"} <= set(packages)
+    assert (said in without.stdout) == (found is None and not Path("/usr/libexec/iwd").exists())
+    assert said not in joined.stdout
+
+
 def test_files_can_be_read_by_the_recorder_whatever_the_mask_of_who_installs(tmp_path: Path) -> None:
     """All but the password; a root who keeps files private is no reason for a recorder that cannot start."""
     command = f"umask 077; sh {SYSTEMD / 'install.sh'} --root {tmp_path / 'root'} --camera {JOIN[1]}"
