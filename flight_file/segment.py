@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -164,6 +165,8 @@ def _advice(error: OSError) -> str:
             "is a directory; give the flight files in it, or make one of its photographs: recorder replay DIRECTORY -o"
             " FLIGHT.mcap"
         )
+    if error.errno == errno.EIO:  # a copy with zeros in it is damaged there, and read everywhere else
+        return f"cannot be read ({error.strerror}): its disk fails; copy it with ddrescue, and give the copy"
     return f"cannot be read ({error.strerror}); check the file and its permissions"
 
 

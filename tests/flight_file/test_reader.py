@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -74,6 +76,20 @@ def test_what_is_no_flight_is_one_sentence(
     assert str(caught.value).startswith(str(path))
     assert str(caught.value).endswith(".")
     assert "\n" not in str(caught.value)
+
+
+def test_file_on_a_failing_disk_is_to_be_copied(
+    tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What its disk does not give cannot be read again and again; the sentence says how to get all the rest."""
+
+    def fail(*_: int) -> bytes:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    paths = write_flight(tmp_path, frames)
+    monkeypatch.setattr(os, "pread", fail)
+    with pytest.raises(FlightNotReadableError, match=r"\(Input/output error\): its disk fails; copy it with ddrescue"):
+        open_flight(paths)
 
 
 @pytest.mark.parametrize("frames_per_segment", [2, 1000])

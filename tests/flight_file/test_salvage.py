@@ -79,6 +79,18 @@ def test_cut_anywhere_gives_the_whole_chunks_before_the_cut(tmp_path: Path) -> N
             assert end.frames == len(found)
 
 
+def test_copy_of_a_file_with_bad_sectors_keeps_all_frames_around_them(tmp_path: Path) -> None:
+    """As ddrescue copies it, with zeros for what the disk does not give: only the chunks around them are lost."""
+    frames = [make_frame(sequence, 40_000) for sequence in range(12)]
+    (written,) = write_flight(tmp_path, frames)
+    data, work = written.read_bytes(), tmp_path / "work" / written.name
+    for offset in range(8192, len(data), 65_536):
+        _, found, _ = recovered(as_left_behind(work, data[:offset] + bytes(4096) + data[offset + 4096 :]))
+
+        assert 0 <= len(frames) - len(found) <= 2
+        assert {frame.sha256 for frame in found} <= {frame.sha256 for frame in frames}
+
+
 def test_hole_in_a_file_is_not_searched(flight: Path, frames: list[Frame]) -> None:
     """A file in work that somebody made terabytes long, without a byte more: its frames come, and not after days."""
     part = as_left_behind(flight.parent / "work" / flight.name, flight.read_bytes()[:-100])
