@@ -192,6 +192,7 @@ install_all() {
     run_live systemctl daemon-reload
     run_live systemctl enable recorder.service
     run_live systemctl restart recorder.service
+    run_live sync # the next thing to happen to the board may be that its plug is pulled
     $DRY_RUN || echo "Installed. Edit $CONFIG, then: systemctl restart recorder; systemctl status recorder"
 }
 

@@ -57,6 +57,7 @@ def test_dry_run_says_what_it_would_do_and_does_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
     assert "would run: systemctl enable recorder.service" in real.stdout
     assert "would run: systemd-sysusers" in real.stdout
+    assert real.stdout.endswith("\nwould run: sync\n")
     assert "--require-hashes" in real.stdout
     wrong = (("--nonsense",), ("--root",), ("--camera", ""), ("--driver", "webcam", "--dry-run"))
     assert [install(*words).returncode for words in wrong] == [2, 2, 2, 2]
