@@ -149,6 +149,9 @@ is_there() { # a command, also where root's PATH lacks the system's own
 }
 
 check_network() {
+    if [ -z "$ROOT" ] && ! [ -e "/sys/class/net/$INTERFACE" ]; then
+        refuse "there is no network interface $INTERFACE; \`ip link\` lists them: give the Wi-Fi's with --interface."
+    fi
     if [ -z "$ROOT" ] && ! is_there wpa_supplicant && ! [ -x /usr/libexec/iwd ]; then
         refuse "NetworkManager joins no Wi-Fi without wpa_supplicant; install it: apt-get install wpasupplicant"
     fi
@@ -191,8 +194,8 @@ install_all() {
     put_devices
     run_live systemctl daemon-reload
     run_live systemctl enable recorder.service
-    run_live systemctl restart recorder.service
     run_live sync # the next thing to happen to the board may be that its plug is pulled
+    run_live systemctl restart recorder.service
     $DRY_RUN || echo "Installed. Edit $CONFIG, then: systemctl restart recorder; systemctl status recorder"
 }
 

@@ -57,7 +57,7 @@ def test_dry_run_says_what_it_would_do_and_does_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
     assert "would run: systemctl enable recorder.service" in real.stdout
     assert "would run: systemd-sysusers" in real.stdout
-    assert real.stdout.endswith("\nwould run: sync\n")
+    assert "\nwould run: sync\nwould run: systemctl restart recorder.service\n" in real.stdout
     assert "--require-hashes" in real.stdout
     wrong = (("--nonsense",), ("--root",), ("--camera", ""), ("--driver", "webcam", "--dry-run"))
     assert [install(*words).returncode for words in wrong] == [2, 2, 2, 2]
@@ -170,6 +170,14 @@ def test_wifi_that_networkmanager_leaves_alone_is_refused(tmp_path: Path, line: 
     assert named.stderr.endswith("while /etc/network/interfaces names it; take it out of there.\n")
     assert named.stderr.count("\n") == 1
     assert "would fail: NetworkManager leaves wlan1 alone" in dry.stdout
+
+
+def test_wifi_needs_an_interface_that_is_there() -> None:
+    """Boards name theirs differently; joined with another one the camera would never be."""
+    said = "would fail: there is no network interface"
+
+    assert f"{said} nothing0; `ip link` lists them" in install("--dry-run", *JOIN[:3], "nothing0").stdout
+    assert said not in install("--dry-run", *JOIN[:3], "lo").stdout
 
 
 def test_wifi_needs_a_program_that_joins_it(tmp_path: Path) -> None:
