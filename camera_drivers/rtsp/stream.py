@@ -13,16 +13,19 @@ Only video is requested: no voices are wanted on the box. Parameter sets are put
 
 from __future__ import annotations
 
+import ctypes
 import queue
 import struct
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from urllib.parse import urlsplit
 
 import av
+from av import _core
 from av.container import InputContainer
 from av.error import FFmpegError, HTTPNotFoundError, HTTPUnauthorizedError, InvalidDataError
 from av.video.stream import VideoStream
@@ -45,6 +48,7 @@ DRIVER = "rtsp"
 DAMAGED = "a part of the picture was lost on its way"
 NO_KEY_FRAME = "it came before the stream's first key frame"
 ENDED = "the stream ended"
+_MAX_UNIT_BYTES = MAX_CHUNK_BYTES // 2
 _FORMATS = {"h264": "h264", "hevc": "h265"}
 _PRFT = struct.Struct("=qi")  # AVProducerReferenceTime: us since 1970, flags
 _NS_PER_US = 1000
@@ -62,6 +66,7 @@ _OPTIONS = {
 
 def rtsp_camera(options: RtspSettings, clock: Clock, reporter: Reporter) -> LiveCamera:
     """Make the camera that the options describe; nothing is opened yet."""
+    _limit_blocks()
 
     def connect(waiter: Waiter, notes: Notes, missed: Missed) -> RtspSource:
         url, place = with_credentials(options), _place(options.url)
@@ -71,6 +76,12 @@ def rtsp_camera(options: RtspSettings, clock: Clock, reporter: Reporter) -> Live
         return RtspSource(container, options, clock, notes, missed)
 
     return LiveCamera(DRIVER, connect, options, clock, reporter)
+
+
+def _limit_blocks() -> None:
+    """Let FFmpeg allocate no block larger than any picture: the other side says how long its answers are."""
+    with suppress(AttributeError, OSError):  # an FFmpeg that has no such limit
+        ctypes.CDLL(_core.__file__).av_max_alloc(ctypes.c_size_t(_MAX_UNIT_BYTES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +280,7 @@ def _video(container: InputContainer, options: RtspSettings) -> VideoStream:
 def _units(container: InputContainer, stream: VideoStream, clock: Clock) -> Iterator[_Unit]:
     began = None
     for packet in container.demux(stream):
-        if packet.size > MAX_CHUNK_BYTES // 2:
+        if packet.size > _MAX_UNIT_BYTES:
             raise CameraError(f"A picture has {packet.size >> 20} MiB, which no camera makes.")
         if not packet.size:  # the end
             return

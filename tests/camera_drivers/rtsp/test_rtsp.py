@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import socket
+import socketserver
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
-from itertools import count, islice, pairwise
+from itertools import count, islice, pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -229,6 +230,38 @@ def test_camera_that_is_not_there_or_no_camera_is_an_error(listener: Listener) -
             rtsp_camera(Options(url=f"rtsp://127.0.0.1:{port}/", open_s=0.3), SystemClock(), listener).__enter__()
     with pytest.raises(CameraError, match=rf"127.0.0.1:{port}: .*\(Connection refused\)"):
         rtsp_camera(Options(url=f"rtsp://127.0.0.1:{port}/"), SystemClock(), listener).__enter__()
+
+
+def test_description_of_gigabytes_fills_no_memory(listener: Listener) -> None:
+    """FFmpeg makes room for as much as is announced: now it takes no part of it, and the connection fails."""
+    sent, piece = 0, b"a=x:y\r\n" * 10_000
+
+    class Flood(socketserver.StreamRequestHandler):
+        """Answers without end."""
+
+        def handle(self) -> None:
+            nonlocal sent
+            request = b"OPTIONS"
+            while request.startswith(b"OPTIONS"):
+                request, *lines = takewhile(bytes.strip, self.rfile)
+                (number,) = (line for line in lines if line.lower().startswith(b"cseq"))
+                self.wfile.write(b"RTSP/1.0 200 OK\r\n" + number)
+                if request.startswith(b"OPTIONS"):
+                    self.wfile.write(b"Public: DESCRIBE\r\n\r\n")
+            self.wfile.write(b"Content-Type: application/sdp\r\nContent-Length: 2147483000\r\n\r\n")
+            with suppress(OSError):
+                while sent < 200 * 2**20:
+                    self.wfile.write(piece)
+                    sent += len(piece)
+
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Flood) as server:
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        options = Options(url=f"rtsp://127.0.0.1:{server.server_address[1]}/x", open_s=60.0)
+        with pytest.raises(CameraError), rtsp_camera(options, SystemClock(), listener):
+            pass
+        server.shutdown()
+
+    assert sent < 50 * 2**20
 
 
 def test_stream_of_another_codec_needs_a_person(serve: Serve, listener: Listener) -> None:
