@@ -17,12 +17,12 @@ from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.panel_pictures import panel_from_file
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
 from decoder.setup.finding.bank import bank_of
-from decoder.setup.finding.dials import FoundDial, dials_seen, page_of, seen_around
+from decoder.setup.finding.dials import FoundDial, amid_numerals, dials_seen, page_of, seen_around
 from decoder.setup.finding.geared import lowest
 from decoder.setup.finding.hands import Hands, together, what_is_not_told
 from decoder.setup.finding.legends import legend_of
 from decoder.setup.finding.marks import Marked, marked
-from decoder.setup.finding.numerals import Text, is_there, level_deg
+from decoder.setup.finding.numerals import Text, is_there, level_deg, parts_of, texts_in
 from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.finding.scales import fits
 from decoder.setup.finding.strokes import strokes_in
@@ -40,15 +40,26 @@ SHARED = Path(__file__).parents[2].parent / "shared" / "data"
 EVEN = {value: 135.0 + 2.7 * value for value in range(0, 101, 10)}
 BENT = dict(zip(range(40, 180, 20), (305.0, 358.0, 411.0, 464.0, 507.0, 548.0, 590.0), strict=True))
 AROUND = {value: 270.0 + 36.0 * value for value in range(10)}
+# Numbers as they lie around a dial, and where in a picture.
+NUMBERS = {
+    value: (round(190 + 110 * math.cos(math.radians(angle))), round(150 + 110 * math.sin(math.radians(angle))))
+    for value, angle in EVEN.items()
+    if value
+}
 # Hands turn here, and the flight was there, in turns of the finest.
 PIVOT = (206.0, 201.5)
 FLOWN = (34.3, 27.05, 28.6, 31.9, 36.2, 39.72, 41.35, 46.6, 52.1, 57.48, 61.95, 66.3)
 
 
-def drawn(ticks_deg: Iterable[float], long_deg: Iterable[float], flat: float = 1.0) -> NDArray[np.uint8]:
+def drawn(
+    ticks_deg: Iterable[float],
+    long_deg: Iterable[float],
+    flat: float = 1.0,
+    inner_parts: tuple[float, float] = (0.92, 0.85),
+) -> NDArray[np.uint8]:
     """A dark face with light ticks; `flat` is how it is seen from below."""
     large = np.full((1600, 1600), 40, np.uint8)
-    for angles, inner in ((ticks_deg, 0.92), (long_deg, 0.85)):
+    for angles, inner in zip((ticks_deg, long_deg), inner_parts, strict=True):
         for angle_deg in angles:
             _stroke(large, CENTRE, math.radians(angle_deg), (inner * RADIUS_PX, RADIUS_PX), 10, flat)
     return _photographed(large, 7)
@@ -111,6 +122,54 @@ def test_a_scale_is_found_where_it_is_drawn(marks: dict[int, float], monkeypatch
     assert {mark.value: mark.angle_deg % 360 for mark in scale.marks} == pytest.approx(
         {value: angle % 360 for value, angle in marks.items()}, abs=0.5
     )
+
+
+def test_ticks_too_short_to_aim_are_found_by_their_numerals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ticks of four pixels aim anywhere, but the numerals around them tell where their ring is."""
+    picture = drawn([], EVEN.values(), inner_parts=(0.97, 0.965))
+
+    (dial,) = found(picture, printed(EVEN), monkeypatch)
+    scale = scale_of(dial)
+
+    assert math.dist(dial.centre, CENTRE) < 1.0
+    assert scale.doubt == ""
+    assert {mark.value: mark.angle_deg % 360 for mark in scale.marks} == pytest.approx(
+        {value: angle % 360 for value, angle in EVEN.items()}, abs=0.7
+    )
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.85])
+def test_numerals_tell_what_they_stand_around(flat: float) -> None:
+    """Square on or oblique, with the numerals of a radio beside them."""
+    radio = [Text(said, (380.0, 20.0 * row), (18.0, 11.0), 0.0, 0.9) for row, said in enumerate(("118", "25", "7"), 1)]
+
+    first = next(amid_numerals([*printed(EVEN, flat=flat), *radio]))
+
+    assert math.dist(first, CENTRE) < 0.08 * RADIUS_PX
+
+
+def test_numerals_in_a_line_make_no_dial() -> None:
+    """Read a pixel or two beside their line, the numerals of a straight scale lie on a large circle."""
+    places = {100: (207.0, 150.0), 80: (211.0, 196.0), 60: (212.0, 241.0), 40: (212.0, 286.0), 20: (213.0, 332.0)}
+    texts = [Text(str(value), at, (22.0, 12.0), 0.0, 0.98) for value, at in places.items()]
+
+    assert fits(seen_around(texts, DrawnPlane.square_on((395.0, 241.0)))) == []
+
+
+@pytest.mark.skipif(not is_there(), reason="numerals are read by the extra `ocr`")
+def test_small_light_numerals_on_a_dark_ground_are_read() -> None:
+    """Most of them, and no fewer than dark ones on a light ground, which the recognizer has learned from."""
+    picture = np.full((300, 420), 45, np.uint8)
+    for number, place in NUMBERS.items():
+        cv2.putText(picture, str(number), place, cv2.FONT_HERSHEY_SIMPLEX, 0.3, 150, 1, cv2.LINE_AA)
+    picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), np.uint8)
+
+    light, dark = (
+        sum(text.value in NUMBERS for part in parts_of(shown) if part.scale > 1 for text in texts_in(shown, part))
+        for shown in (picture, 255 - picture)
+    )
+
+    assert light >= dark > len(NUMBERS) / 2
 
 
 def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -17,18 +18,22 @@ from numpy.typing import NDArray
 from decoder.panel.arrays import Floats
 from decoder.setup.dial_edges import sampled_at
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
+from decoder.setup.finding.marks import marked
 from decoder.setup.finding.numerals import Text, is_there, seen_at, texts_once
 from decoder.setup.finding.scales import LETTERS, Fit, Numeral, fits
-from decoder.setup.finding.strokes import Strokes, aimed_at, peaks, strokes_in
+from decoder.setup.finding.strokes import CELL_PX, Strokes, aimed_at, peaks, strokes_in
 from decoder.setup.finding.thresholds import (
     CLEAR_DIRECTIONS,
     CLEAR_TICKS,
+    ENOUGH,
     LEAST_RADIUS_PX,
+    LEAST_RUN,
     LEAST_WEIGHT,
+    MOST_BEND,
     MOST_HEIGHTS,
     RAGGED_PX,
 )
-from decoder.setup.finding.ticks import Comb, comb_around
+from decoder.setup.finding.ticks import Comb, comb_around, comb_on, combs_by
 
 # How many places that are aimed at are examined, and their minimum distance.
 PLACES, APART_PX = 60, 10.0
@@ -38,6 +43,8 @@ TRIED = 4
 FACE_PX = (640.0, 960.0)
 UNROLLED_PX = 140.0
 SHOWN = 1.9
+# Of a numeral, enough to have some on its own ring among them.
+NEIGHBOURS = 12
 LINES, OVERLAPPING, PAGE_EDGE = 4, 1.25, 20
 
 
@@ -95,14 +102,15 @@ def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
     """Find the dials of a panel, the surest first; each place is yielded before it is examined."""
     aimed = aimed_at(page.strokes, page.picture.shape)
     places = list(peaks(aimed, PLACES, APART_PX))
-    looks = sorted(_looks(page, places), key=lambda look: -look[0])
+    amid = [(place, 0.0) for place in amid_numerals(page.texts)]
+    looks = sorted(_looks(page, [*places, *amid]), key=lambda look: -look[0])
     found: list[FoundDial] = []
     taken: set[tuple[float, float]] = set()
     for group in _groups(looks):
         if {each.at for each in group[0][2].numerals} & taken:
             continue
         yield Place(group[0][1], group[0][2].radius_px)
-        dial = _best(page, [(place, fit.radius_px) for _, place, fit in group], aimed)
+        dial = _best(page, [(place, fit.radius_px) for _, place, fit in group], aimed, group[0][2])
         if dial is None or dial.comb.miss_px > RAGGED_PX or any(_same(dial, other) for other in found):
             continue
         found.append(dial)
@@ -166,12 +174,47 @@ def likely_px(strokes: Strokes, place: XY) -> list[float]:
     return [float(edges[at : at + 2].mean()) for at in np.argsort(counts)[::-1][:2]]
 
 
-def _best(page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats) -> FoundDial | None:
+def amid_numerals(texts: Sequence[Text]) -> Iterator[XY]:
+    """Yield the places around which numbers of one size stand in circles, those with most numbers first.
+
+    Three neighbours determine a circle, and most threes of one ring have about the same.
+    """
+    numbers = [text for text in texts if text.value is not None]
+    if len(numbers) < LEAST_RUN:
+        return
+    at, high = np.array([text.at for text in numbers]), np.array([min(text.size_px) for text in numbers])
+    near = np.hypot(*(at - at[:, None]).transpose(2, 0, 1)).argsort(axis=1)[:, : NEIGHBOURS + 1]
+    threes = np.array([(own, *pair) for own, *others in near for pair in combinations(others, 2)])
+    threes = threes[high[threes].max(axis=1) < MOST_BEND * high[threes].min(axis=1)]
+    first, second, third = at[threes].swapaxes(0, 1)
+    b, c = second - first, third - first
+    cross = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
+    bb, cc = (b**2).sum(axis=1), (c**2).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = np.stack([c[:, 1] * bb - b[:, 1] * cc, b[:, 0] * cc - c[:, 0] * bb], axis=1) / cross[:, None]
+    radius = np.hypot(*centre.T)
+    fits_px = (radius > LEAST_RADIUS_PX) & (radius < MOST_HEIGHTS * high[threes].mean(axis=1))
+    centre = (centre + first)[fits_px]
+    width, height = (int(side / CELL_PX) + 2 for side in centre.max(axis=0, initial=0.0))
+    votes = np.zeros((height, width), np.float32)
+    column, row = np.rint(np.maximum(centre, 0.0) / CELL_PX).astype(np.intp).T
+    np.add.at(votes, (row, column), 1.0)
+    smooth: Floats = np.asarray(cv2.GaussianBlur(votes, (0, 0), 2.0))
+    for place, most in peaks(smooth, PLACES, APART_PX):
+        if most > 0:
+            yield place
+
+
+def _best(
+    page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats, numbered: Fit | None = None
+) -> FoundDial | None:
     combs = [comb_around(page.picture, page.planes, page.strokes, place, radius_px) for place, radius_px in tries]
+    if numbered is not None and not any(comb is not None and _numbered(page, comb) for comb in combs):
+        combs.append(_short_comb(page, tries[0][0], numbered))
     there = [comb for comb in combs if comb is not None]
     if not there:
         return None
-    comb = max(there, key=lambda each: (len(each.ticks) + each.lines) / (1.0 + each.miss_px))
+    comb = max(there, key=lambda each: (_numbered(page, each), (len(each.ticks) + each.lines) / (1.0 + each.miss_px)))
     drawn = comb.rim.drawn
     reach_px = max(tick.outer_px for tick in comb.ticks) * SHOWN
     texts = [text for text in page.texts if drawn.polar(text.at)[1] < reach_px]
@@ -180,6 +223,27 @@ def _best(page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats) -> Found
     column, row = (round(each / 2.0) for each in comb.rim.centre)
     there_aimed = float(aimed[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3].max(initial=0.0))
     return FoundDial(comb, tuple(texts), tuple(fits(seen_around(texts, drawn))), there_aimed)
+
+
+def _short_comb(page: Page, place: XY, numbered: Fit) -> Comb | None:
+    """Find the ring of ticks that enough numerals around a place fit best, however short the ticks are."""
+    if len(numbered.numerals) <= ENOUGH:
+        return None
+    height_px = float(np.median([each.height_px for each in numbered.numerals]))
+    rough = max(
+        combs_by(page.picture, page.planes, place, numbered.radius_px, height_px),
+        key=lambda each: (_numbered(page, each), -each.miss_px),
+        default=None,
+    )
+    if rough is None or not _numbered(page, rough):
+        return None
+    return comb_on(page.picture, page.planes, rough)
+
+
+def _numbered(page: Page, comb: Comb) -> float:
+    """Return the weight of the numerals that fit a comb's ticks without any doubt."""
+    scales = (marked(fit, comb) for fit in fits(seen_around(page.texts, comb.rim.drawn)))
+    return max((scale.fit.weight for scale in scales if not scale.doubt), default=0.0)
 
 
 def face_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:

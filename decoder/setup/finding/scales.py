@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decoder.imaging.thresholds import HALF
 from decoder.panel.scale import FULL_CIRCLE_DEG
 from decoder.setup.drawn_plane import away
 from decoder.setup.finding.thresholds import LEAST_RUN, MOST_BEND, MOST_TURN_DEG, NEAR_DEG, OFF_DEG, RING_PART
@@ -108,6 +109,7 @@ def fits(numerals: Sequence[Numeral]) -> list[Fit]:
     found: list[Fit] = []
     for ring in _rings(numerals):
         here = [fit for fit in (*_full(ring), *_runs(ring)) if fit is not None]
+        here = [fit for fit in here if not _is_straight(fit)]
         if here:
             found.append(max(here, key=lambda fit: fit.weight * (1.5 if fit.family is not None else 1.0)))
     found.sort(key=lambda fit: -fit.weight)
@@ -116,6 +118,14 @@ def fits(numerals: Sequence[Numeral]) -> list[Fit]:
         if not any(set(fit.numerals) & set(other.numerals) for other in kept):
             kept.append(fit)
     return kept
+
+
+def _is_straight(fit: Fit) -> bool:
+    """Whether numerals stand in a line, as those of a straight scale do, rather than around a pivot."""
+    away_px = np.array([each.at for each in fit.numerals])
+    away_px -= away_px.mean(axis=0)
+    _, _, (_, across) = np.linalg.svd(away_px, full_matrices=False)
+    return bool(np.abs(away_px @ across).max() < HALF * min(each.height_px for each in fit.numerals))
 
 
 def _rings(numerals: Sequence[Numeral]) -> Iterator[list[Numeral]]:

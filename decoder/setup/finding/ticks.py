@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ STROKES, ENDS_OFF = Trust(0.075, 1.5), Trust(0.2, 1.5)
 ANGLE_STEP_DEG = 0.25
 RADIUS_STEP_PX = 0.5
 PLAIN_STEP = 4
+# The length of short ticks, as a part of their numerals' distance from the pivot.
+SHORT_PART = 0.05
 # The dial's face is visible this far to either side of a tick.
 BESIDE_DEG = 5.0
 
@@ -196,7 +198,45 @@ def comb_around(
     if len(own) < LEAST_STROKES:
         return None
     inner, outer = (float(np.median(end)) for end in _ends(own, centre))
-    drawn = planes.drawn(centre)
+    return _comb(picture, planes, planes.drawn(centre), (inner, outer), len(own))
+
+
+def combs_by(
+    picture: NDArray[np.uint8], planes: Planes, pivot: XY, numerals_px: float, height_px: float
+) -> Iterator[Comb]:
+    """Find what may be the ticks of numerals, even ticks too short to aim at their pivot; `comb_on` measures them.
+
+    Parameters
+    ----------
+    picture : (H, W)
+    pivot : about the middle of the numerals
+    numerals_px, height_px : how far they are from it, and how high
+    """
+    wide = SHORT_PART * numerals_px
+    for low in np.arange(NEAREST * numerals_px, FURTHEST * numerals_px, HALF * wide):
+        inner, outer, drawn = float(low), float(low) + wide, planes.drawn(pivot)
+        if abs(inner + outer - 2 * numerals_px) < height_px:
+            continue  # its marks would be the numerals themselves
+        for _ in range(ROUNDS):
+            ticks = _seen_on(picture, drawn, inner, outer)
+            if len(ticks) < 2 * LEAST_TICKS:
+                break
+            rim = Rim(drawn.centre, outer, None, drawn)
+            drawn, inner, outer, off_px = _centred(drawn, ticks)
+        else:
+            yield Comb(rim, tuple(ticks), off_px, 0)
+
+
+def comb_on(picture: NDArray[np.uint8], planes: Planes, rough: Comb) -> Comb | None:
+    """Measure a comb that `combs_by` found; None if its ticks are too few."""
+    return _comb(picture, planes, rough.rim.drawn, rough.ring_px, rough.lines)
+
+
+def _comb(
+    picture: NDArray[np.uint8], planes: Planes, drawn: DrawnPlane, ring_px: tuple[float, float], lines: int
+) -> Comb | None:
+    """Measure the ticks on about this ring, moved and bent until their ends lie on circles."""
+    inner, outer = ring_px
     tried: list[tuple[float, Rim, list[Tick]]] = []
     for _ in range(ROUNDS):
         ticks = _ticks(picture, drawn, inner, outer)
@@ -212,7 +252,7 @@ def comb_around(
     if not tried:
         return None
     off_px, rim, ticks = min(tried, key=lambda each: each[0])
-    return Comb(rim, tuple(ticks), off_px, len(own))
+    return Comb(rim, tuple(ticks), off_px, lines)
 
 
 def _aiming(strokes: Strokes, centre: XY, numerals_px: float) -> Strokes:
@@ -306,6 +346,16 @@ def _bent(
 
 def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: float) -> list[Tick]:
     """Measure every mark on the ring between two distances."""
+    middle = (low + high) / 2
+    found = [
+        replace(tick, angle_deg=mark_angle_deg(picture, drawn, drawn.place(tick.angle_deg, middle)))
+        for tick in _seen_on(picture, drawn, low, high)
+    ]
+    return _apart(sorted(found, key=lambda each: each.angle_deg))
+
+
+def _seen_on(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: float) -> list[Tick]:
+    """Find every mark on the ring between two distances, to `ANGLE_STEP_DEG`."""
     long = 1.2 * (high - low) + 2.0
     middle = (low + high) / 2
     radii = np.arange(middle - long, middle + long, RADIUS_STEP_PX)
@@ -332,10 +382,8 @@ def _ticks(picture: NDArray[np.uint8], drawn: DrawnPlane, low: float, high: floa
         below = np.flatnonzero(along < half)
         start = below[below < at].max(initial=-1) + 1
         end = below[below > at].min(initial=len(radii)) - 1
-        click = drawn.place(float(np.degrees(angles[row])), float(middle))
-        angle = mark_angle_deg(picture, drawn, click)
-        found.append(Tick(angle, float(radii[start]), float(radii[end]), float(signed[row])))
-    return _apart(sorted(found, key=lambda each: each.angle_deg))
+        found.append(Tick(float(np.degrees(angles[row])), float(radii[start]), float(radii[end]), float(signed[row])))
+    return found
 
 
 def _apart(ticks: Sequence[Tick]) -> list[Tick]:
