@@ -165,48 +165,6 @@ def test_the_end_of_a_bar_is_read_above_and_below_where_it_is_drawn(drawn_y: flo
     assert_read(filled, (drawn_y, 24.0), np.linspace(36.0, 118.0, 16), np.linspace(38.0, 116.0, 27))
 
 
-def banded(at_y: float, seed: int = 0, *, red: float = 30.0, segment: float = 100.0) -> Floats:
-    """A bar that rises from below in a black slot, yellow as far as y = 60, then of a dim red in segments."""
-
-    def levels(_: Floats, y: Floats) -> Floats:
-        colour = np.interp(y, [59.5, 60.5], [red, 210.0]) * ((y > 60.0) | (y % segment < 0.7 * segment))
-        part = 1.0 / (1.0 + np.exp((at_y - y) / 0.5))
-        return part * colour + (1.0 - part) * 10.0
-
-    return seen(GRID, levels, seed)
-
-
-def test_a_bar_that_goes_on_dimly_is_not_read_where_its_bright_part_ends() -> None:
-    """Beyond the end of a bar there is only its scale: what looks like its end farther along may be its end."""
-    strips = [banded(at_y, seed + 1) for seed, at_y in enumerate(np.linspace(64.0, 118.0, 16).tolist())]
-    gauge, grid = gauge_of(
-        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": 90.0, "span": 20.0, "marks": MARKS}
-    )
-    slide = Slide.of(gauge, grid)
-    picture = learn_linear(slide, strips, first_linear(slide, banded(90.0)))
-    reader = SlideReader(slide, picture)
-    bright, dim = (
-        [one["flap_deg"].status for one in reader.read(np.stack([banded(at_y, 50) for at_y in those]), np.zeros(3))]
-        for those in ((70.0, 90.0, 110.0), (30.0, 35.0, 42.0))
-    )
-
-    assert bright == [Status.READ] * 3
-    assert dim == [Status.MISSING] * 3
-
-
-def test_a_bar_that_goes_on_in_red_to_the_end_of_its_window_is_not_read_where_that_begins() -> None:
-    """A third as bright as the yellow, it ends nowhere, but it is not the scale either."""
-    strips = [banded(at_y, seed + 1) for seed, at_y in enumerate(np.linspace(64.0, 118.0, 16).tolist())]
-    gauge, grid = gauge_of(
-        CORNERS, linear={"name": "flap_deg", "moves": "down", "at": 90.0, "span": 20.0, "marks": MARKS}
-    )
-    slide = Slide.of(gauge, grid)
-    reader = SlideReader(slide, learn_linear(slide, strips, first_linear(slide, banded(90.0))))
-    (found,) = reader.read(np.stack([banded(10.0, 50, red=90.0, segment=12.0)]), np.zeros(1))
-
-    assert found["flap_deg"].status is Status.MISSING
-
-
 def graded(at_y: float, seed: int = 0) -> Floats:
     """A bar that rises from below in a slot which is ever brighter further down, nearly as bright as the bar there."""
 

@@ -139,7 +139,6 @@ class SlideReader:
         first_px, last_px = slide.ends_px
         self._allowed = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
         beginning = self._middle_of(picture) if begins is None else begins
-        self._rest_part = HALF**4 if any(picture.bar) and beginning is None else HALF
         self._other = None
         if beginning is not None:
             # What looks like its end there is the beginning of a bar that grows the other way.
@@ -212,24 +211,7 @@ class SlideReader:
             other = np.nan_to_num(self._settled(along[doubt], second[doubt]).score)
             left = 1.0 - np.maximum(np.maximum(other, rival[doubt]), 0.0) ** 2
             is_alone[doubt] &= left > CLEARLY_WORSE * (1.0 - np.nan_to_num(found.score[doubt]) ** 2)
-        is_alone &= ~self._ends_beyond(along, scores, elsewhere, place)
         return found, is_alone
-
-    def _ends_beyond(self, along: Floats, scores: Floats, peaks: Mask, place: Floats) -> Mask:
-        """(F,): whether a bar also ends at one of some peaks (F, N) farther along, however faintly.
-
-        Beyond its end there is only the scale. A bar that is green, then yellow, then red has an end like its own
-        wherever its colour gets darker, and that may be the clearest.
-        """
-        fills_before, fills_behind = self._picture.bar
-        past = np.arange(scores.shape[1]) - place[:, None]
-        beyond = peaks & ((fills_before & (past > 0)) | (fills_behind & (past < 0)))
-        top, end = peaks_of(scores, beyond)
-        ends: Mask = beyond.any(axis=1) & (scores[np.arange(len(scores)), top] >= LIKELY_SCORE)
-        for number in np.flatnonzero(ends).tolist():
-            again = self._settled(along[number : number + 1], end[number : number + 1])
-            ends[number] = np.nan_to_num(again.score)[0] >= SCORE_THRESHOLD
-        return ends
 
     def _top_at(self, row: float, count: int) -> int:
         """Return the first row of a pointer; at a window's end, it may lie most of a row beyond where it fits in."""
@@ -261,8 +243,7 @@ class SlideReader:
         """Whether a window (R, C) shows the scale, and the bar, where the pointer is not.
 
         What differs from them within as much of the scale as a pointer takes, and is half as strong, may be the pointer
-        itself, or something that lies over it: what was found may be its edge. A bar may go on in a darker colour, as
-        from yellow to red: there a quarter is enough.
+        itself, or something that lies over it: what was found may be its edge.
         """
         height, top = self._pointer.rows, self._top_at(row, len(window))
         known = self._known_around(row)
@@ -270,7 +251,7 @@ class SlideReader:
         # Light may differ from place to place, and a pointer across this one cross it, but not from row to row.
         spread = _spread_around(window - gain * known, height)
         own = self._pointer.light + (self._pointer.transparency - 1.0) * self._face[top : top + height]
-        least = self._rest_part * gain**2 * float(own.var(axis=0).mean()) + NOISE_LEVELS**2
+        least = HALF * gain**2 * float(own.var(axis=0).mean()) + NOISE_LEVELS**2
         return not bool((spread > least).any())
 
     def _scores(self, window: Floats) -> Floats:
