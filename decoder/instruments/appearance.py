@@ -212,8 +212,6 @@ class Still:
         _placed: Placed,
         _drawn: UnwrappedGauge,
         _strips: Sequence[UnwrappedGauge],
-        *,
-        is_lost: bool,  # noqa: ARG002
     ) -> float | None:
         """Return None."""
         return None

@@ -53,14 +53,12 @@ class Kind(Protocol):
         """Learn its look beyond face and templates from a sample's frames in one light; the result is by quantity."""
         ...
 
-    def unexplained(
-        self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge], *, is_lost: bool
-    ) -> float | None:
+    def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
         """Return the part of a sample's frames that is left unexplained once it has learned from them.
 
         The panel picture, `drawn`, and the frames are in one grey: luma, or an extreme of all colours. None if the kind
         does not compare greys in this way, since learning takes too long to be repeated for each, or if what moves has
-        one colour only and is not lost in luma.
+        one colour only.
         """
         ...
 

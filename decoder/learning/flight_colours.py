@@ -82,13 +82,14 @@ def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is
     is_lost = is_lost or not changes_in_luma(grid, drawn, frames)
 
     def left_in(levels: Callable[[Floats], Floats]) -> float | None:
-        return kind_of(gauge).unexplained(placed, levels(drawn), [levels(each) for each in frames], is_lost=is_lost)
+        return kind_of(gauge).unexplained(placed, levels(drawn), [levels(each) for each in frames])
 
     in_luma = left_in(luma_of) if frames else None
-    if in_luma is not None:
+    if in_luma is not None or (frames and is_lost):
         left = [(part, each) for each in Extreme if (part := left_in(each.levels)) is not None]
-        better = [each for each in left if each[0] < CLEARLY_WORSE * in_luma]
-        return min(better, key=itemgetter(0), default=(0.0, None))[1]
+        better = [each for each in left if in_luma is None or each[0] < CLEARLY_WORSE * in_luma]
+        if left:
+            return min(better, key=itemgetter(0), default=(0.0, None))[1]
     if not is_lost:
         return None
     return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), mixtures_for(gauge, grid, drawn, frames))

@@ -251,7 +251,7 @@ def test_windows_in_which_luma_shows_no_change_are_read_in_their_colours(*, word
     assert [each["gen_fail_on"].angle_deg == 1.0 for each in read] == red
     assert scale.values_at(np.array([each["flap_deg"].angle_deg for each in read])) == pytest.approx(flaps_deg, abs=0.3)
     assert fitted.findings["gen"][0].startswith("read in red")
-    assert fitted.findings["flaps"][0].startswith("read in each pixel's brightest colour")
+    assert fitted.findings["flaps"][0].startswith("read in red")
 
 
 def test_pointer_that_luma_shows_is_read_in_luma() -> None:

@@ -91,14 +91,7 @@ class NeedleKind:
     ) -> Mapping[str, LearnedPicture]:
         return {}
 
-    def unexplained(
-        self,
-        _: Placed,
-        __: UnwrappedGauge,
-        ___: Sequence[UnwrappedGauge],
-        *,
-        is_lost: bool,  # noqa: ARG002
-    ) -> float | None:
+    def unexplained(self, _: Placed, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> float | None:
         return None
 
     def grower(self, _: Instrument, __: Appearance) -> Grower | None:

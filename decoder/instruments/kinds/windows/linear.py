@@ -532,12 +532,10 @@ class LinearKind(WindowKind):
     ) -> LinearPicture:
         return learn_linear(Slide.of(gauge, grid), strips, known)
 
-    def unexplained(
-        self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge], *, is_lost: bool
-    ) -> float | None:
+    def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
         gauge, grid = placed.gauge, placed.window
         picture = self.learned(gauge, grid, strips, self.first(gauge, grid, drawn))
-        if not is_lost and not any(picture.bar):
+        if not any(picture.bar):
             return None  # a pointer has one colour, a bar may have several
         frames = self.window_reader(gauge, grid, picture).read(np.stack(strips), np.zeros(len(strips)))
         found = [own for each in frames for own in each.values()]
