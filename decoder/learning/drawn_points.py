@@ -29,8 +29,6 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, Quantity, Scale
 ANGLE_DEG = 1.5
 # Prior: angles are more likely. A needle above its dial appears to turn elsewhere although its angles are right.
 PRIOR_LOG_ODDS = -3.0
-# Least squares for the middle of a ring converge within this many steps from a tenth of its radius.
-MIDDLE_STEPS = 4
 # With fewer marks than these, a panel is assumed to be drawn with ordinary care.
 ORDINARY_MARKS = 5
 Seen = Sequence[tuple[float, float]]
@@ -184,30 +182,6 @@ def _beside_neighbours(angles_deg: Sequence[float], values: Sequence[float], tur
         beside, is_even = np.diff(beside, axis=0), is_even[1:] & is_even[:-1]
     missed = beside @ np.radians(scale.angles_deg) / np.linalg.norm(beside, axis=1)
     yield from missed[is_even].tolist()
-
-
-def middle_of_marks_px(gauge: Gauge) -> Vector | None:
-    """Find the place from which the marks of a drawn gauge are even, if they are points: (x, y) from its centre.
-
-    None unless a scale goes all the way round with enough marks: two marks are always even from somewhere.
-    """
-    around = [(angles_deg, values, turn) for angles_deg, values, turn in _scales(gauge) if turn is not None]
-    if not around:
-        return None
-    angles_deg, values, turn = max(around, key=lambda scale: len(scale[0]))
-    turned_deg = _pace_deg(values, turn) * np.array(values)
-    radius_px, middle = gauge.radius[1], (0.0, 0.0)
-    for _ in range(MIDDLE_STEPS):
-        seen_deg = np.array([seen_from(middle, radius_px, angle_deg) for angle_deg in angles_deg])
-        angles = np.radians(seen_deg)
-        ways = np.stack([np.ones_like(angles), -np.sin(angles), np.cos(angles)], axis=1)
-        _, x, y = np.linalg.lstsq(ways, np.radians(seen_deg - turned_deg))[0].tolist()
-        middle = middle[0] + x * radius_px, middle[1] + y * radius_px
-    carried_deg = [seen_from(middle, radius_px, angle_deg) for angle_deg in angles_deg]
-    odds = log_odds_of_even(_beside_even(angles_deg, values, turn), _beside_even(carried_deg, values, turn))
-    told = (len(angles_deg) - 3) / (len(angles_deg) - 1)  # discount the two fitted parameters
-    total = PRIOR_LOG_ODDS + told * odds
-    return middle if total > 0.0 else None
 
 
 def _beside_even(angles_deg: Sequence[float], values: Sequence[float], turn: float | None) -> Floats:

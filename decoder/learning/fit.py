@@ -32,7 +32,6 @@ from decoder.learning.drawn_points import (
     backward_findings,
     is_beyond_a_hand,
     log_odds_of_points,
-    middle_of_marks_px,
     seen_from_pivots,
     slip_findings,
     uneven_deg,
@@ -289,38 +288,32 @@ def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[_Known] = 
 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
-    """Learn a first time, then again in better colours, with lost dials squared up or centred on their marks."""
+    """Learn a first time, then again in better colours, with lost dials squared up."""
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     placed = as_sharp_as_frames(placed, samples)
-    begun, last = _begun(placed, samples, sample, (None,) * len(gauges), tell)
+    begun, last = _begun(placed, samples, sample, tell)
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     coloured = in_best_colours(placed, lost, sample)
-    starts = _middles_of_marks(gauges, begun.paths, last.found)
     before = last.found
     # A quarter is enough: more may be missing because something else lies over the dial.
     squeezes = _squeezes(begun, [missing_part(gauge, before) > HALF * HALF for gauge in gauges], is_lost=True)
-    if coloured is placed and not any(starts) and not any(squeezes):
+    if coloured is placed and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
-    tell("choosing colours that show what moves, squaring dials up, and centring rings of marks")
+    tell("choosing colours that show what moves, and squaring dials up")
 
-    def again(starts: Sequence[Vector | None], squeezes: Sequence[Squeeze | None]) -> tuple[_Recentred, _Round]:
+    def again(squeezes: Sequence[Squeeze | None]) -> tuple[_Recentred, _Round]:
         better = squared_up(coloured, squeezes) if any(squeezes) else coloured
-        return _begun(better, unwrapped(better, sample(frames_wanted(placed.placement))), sample, starts, tell)
+        return _begun(better, unwrapped(better, sample(frames_wanted(placed.placement))), sample, tell)
 
-    begun, last = again(starts, squeezes)
-    doubted = _doubted(last.found)
+    begun, last = again(squeezes)
     helpful = tuple(
         own if finds_more(gauge, before, last.found) else None for gauge, own in zip(gauges, squeezes, strict=True)
     )
-    told = [
-        None if {needle.name for needle in gauge.turning} & doubted else start
-        for gauge, start in zip(gauges, starts, strict=True)
-    ]
-    if told != starts or helpful != squeezes:  # some of these did not help
+    if helpful != squeezes:  # some of these did not help
         del begun, last
-        begun, last = again(told, helpful)
+        begun, last = again(helpful)
     return begun, last
 
 
@@ -351,22 +344,9 @@ def _squeezes(begun: _Recentred, wanted: Sequence[bool], *, is_lost: bool) -> tu
     )
 
 
-def _middles_of_marks(
-    gauges: Sequence[Gauge], paths: Sequence[PivotPath], found: Sequence[Mapping[str, Reading]]
-) -> list[Vector | None]:
-    """For each gauge rarely read as drawn, return another centre around which its marks are even, or None."""
-    doubted = _doubted(found)
-    return [
-        middle_of_marks_px(gauge) if not path.is_far and {each.name for each in gauge.turning} & doubted else None
-        for gauge, path in zip(gauges, paths, strict=True)
-    ]
-
-
-def _begun(
-    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, starts: Sequence[Vector | None], tell: Tell
-) -> tuple[_Recentred, _Round]:
-    """Find pivots that are far off, given starts for some, and learn a first time."""
-    aligned = _around_far_pivots(reader, samples, sample, starts)
+def _begun(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
+    """Find pivots that are far off, and learn a first time."""
+    aligned = _around_far_pivots(reader, samples, sample)
     tell(f"learning from {len(aligned.samples)} frames what the instruments look like")
     return aligned, _learned(aligned.reader, aligned.samples, aligned.paths)
 
@@ -413,21 +393,12 @@ class _Recentred:
     drawn: tuple[Gauge, ...]
 
 
-def _around_far_pivots(
-    reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, starts: Sequence[Vector | None]
-) -> _Recentred:
+def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample) -> _Recentred:
     """Search for pivots far from the drawn centres, and unwrap a sample around them."""
     drawn = reader.source.panel.gauges
     paths = [PivotPath()] * len(drawn)
     if len(samples) < FRAMES_TO_LEARN:
         return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn)
-    if any(starts):
-        paths = [
-            path if start is None else path.from_afar(start, REACH_PART * gauge.radius[1])
-            for path, start, gauge in zip(paths, starts, drawn, strict=True)
-        ]
-        reader = around_pivots(reader, [path.step_px for path in paths], drawn=drawn)
-        samples = unwrapped(reader, sample(frames_wanted(reader.placement)))
     if reader.placement.dials_move:  # a raised needle's ridges miss its pivot, so leave gauges that are read to tilts
         found = _read(reader, samples)
         paths = [

@@ -18,7 +18,6 @@ from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import (
     backward_findings,
     marks_missed_px,
-    middle_of_marks_px,
     seen_from,
     slip_findings,
     slips_deg,
@@ -265,21 +264,6 @@ def test_marks_of_a_turn_that_are_uneven_are_doubted_by_as_much(part: float) -> 
         math.hypot(cut_deg, max(cut_deg, uneven_deg(around[0].quantities[0])))
     )
     assert uncertainties_of(drawn, told=plain)["speed_kt"].drawn_deg == careful_deg
-
-
-@pytest.mark.parametrize(("marks", "is_told"), [(10, True), (5, True), (3, False)])
-def test_marks_that_were_clicked_on_a_ring_tell_its_middle(marks: int, *, is_told: bool) -> None:
-    """From there they are even; any three marks are even from some point."""
-    drawn = reader_of().source.panel.gauges[0]
-    missed_px, radius_px = (3.0, -4.0), drawn.radius[1]
-    angles_deg = [360.0 / marks * number for number in range(marks)]
-    scale = tuple((seen_from(missed_px, radius_px, angle_deg), angle_deg) for angle_deg in angles_deg)
-    clicked = drawn.model_copy(update={"scale": scale, "wraps": 360.0})
-    even = drawn.model_copy(update={"scale": tuple((each, each) for each in angles_deg), "wraps": 360.0})
-
-    assert middle_of_marks_px(even) is None
-    found = middle_of_marks_px(clicked)
-    assert (found == pytest.approx((-3.0, 4.0), abs=0.3)) if is_told else (found is None)
 
 
 EVEN = ((120.0, 40.0), (180.0, 60.0), (240.0, 80.0), (300.0, 100.0), (360.0, 120.0), (420.0, 140.0))
