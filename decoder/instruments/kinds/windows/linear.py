@@ -21,7 +21,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge, WindowGrid, needle_pixels
 from decoder.instruments.appearance import Placed
 from decoder.instruments.kinds.windows.window import WindowKind
 from decoder.instruments.reading import Reading, Status
-from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIDDLE_PART, SURE_SCORE
+from decoder.instruments.thresholds import CLEARLY_WORSE, FRAMES_TO_LEARN, MIDDLE_PART
 from decoder.matching.correlation import face_moments, partial_normxcorr
 from decoder.matching.faces import bare_face, in_light_of, learn_face
 from decoder.matching.needle_fit import Fits, Settled, WindowFitter, settle
@@ -40,8 +40,6 @@ from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_TH
 ROUNDS = 3
 # How precisely a mark is drawn on a scale, and the pointer's place in the panel picture.
 MARK_PX = 0.5
-# Powers of row and column by which light may vary around a pointer.
-LIGHT_POWERS = ((0, 0), (1, 0), (0, 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,14 +126,13 @@ class SlideReader:
         self._name = slide.own.name
         self._hand_px = math.hypot(MARK_PX, MIDDLE_PART * _beside_rows(picture) * slide.row_px)
         self._axis = (picture.pointer.rows - 1) // 2
-        height, columns = picture.pointer.pixels.shape
+        height = picture.pointer.rows
         pixels = [min(1.0, slide.grid.cell_px[0] * slide.grid.cell_px[1])]
         self._fitter = WindowFitter([picture.pointer], pixels)
-        self._lit_fitter = WindowFitter([picture.pointer], pixels, _lights(height, columns))
         self._moments = face_moments(picture.face[None], picture.pointer)
         self._faces = blocks_of(picture.face.astype(np.float32), height)
         count = len(picture.face) - height + 1
-        places_px = slide.px_of(np.arange(count) + self._axis)
+        places_px = slide.px_of(np.arange(count) + float(self._axis))
         first_px, last_px = slide.ends_px
         self._allowed = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
         beginning = self._middle_of(picture) if begins is None else begins
@@ -260,19 +257,13 @@ class SlideReader:
         return scores
 
     def _settled(self, along: Floats, places: Floats) -> Settled:
-        """Fit the pointer by least squares, in even light and in light that varies around it, and keep the better."""
-        plain, lit = (self._settled_by(fitter, along, places) for fitter in (self._fitter, self._lit_fitter))
-        doubtful = plain.score < SURE_SCORE
-        better = doubtful & lit.is_settled & (np.nan_to_num(lit.score) > np.nan_to_num(plain.score))
-        return _where(better, lit, plain)
-
-    def _settled_by(self, fitter: WindowFitter, along: Floats, places: Floats) -> Settled:
+        """Fit the pointer by least squares."""
         height = 2 * self._axis + 1
         windows = blocks_of(np.ascontiguousarray(along, np.float32), height)
 
         def fit(open_: Indices, rows: Indices, guess_rows: Floats) -> Fits:
             top = rows - self._axis
-            return fitter.fit(windows[open_, top], self._faces[top], guess_rows)
+            return self._fitter.fit(windows[open_, top], self._faces[top], guess_rows)
 
         return settle(fit, places + self._axis, (self._axis, along.shape[1] - self._axis - 1), MAX_PEAK_ROWS)
 
@@ -328,11 +319,6 @@ def _spread_around(levels: Floats, height: int) -> Floats:
     )
     spread = square / np.maximum(part, HALF) - np.square(mean / np.maximum(part, HALF))
     return np.asarray(np.where(part >= HALF, spread, 0.0).mean(axis=1), np.float32)
-
-
-def _lights(height: int, width: int) -> Floats:
-    row, column = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
-    return np.stack([(row**i * column**j).ravel() for i, j in LIGHT_POWERS]).astype(np.float32)
 
 
 def first_linear(slide: Slide, drawn: UnwrappedGauge) -> LinearPicture:
