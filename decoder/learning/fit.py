@@ -42,6 +42,7 @@ from decoder.learning.flight_appearance import (
     learn_hidden_looks,
     learn_likely_needles,
     lit_views,
+    read_sample,
 )
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_focus import as_sharp_as_frames
@@ -354,16 +355,16 @@ def _begun(reader: PanelReader, samples: list[UnwrappedFrame], sample: Sample, t
 def tune(reader: PanelReader, frames: Iterable[GreyPicture | FramePicture]) -> PanelReader:
     """Learn from a sample of a flight; with too few usable frames the reader stays as it was."""
     samples = unwrapped(reader, frames)
-    found = _read(reader, samples)
+    found = read_sample(reader, samples)
     return with_usual_place(learn_appearance(reader, lit_views(reader, samples), found), samples)
 
 
 def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequence[PivotPath]) -> _Round:
     """Learn appearance from an aligned sample, and estimate pivots with it."""
     reader = with_usual_place(reader, samples)
-    views, found = lit_views(reader, samples), _read(reader, samples)
-    reader, found = with_seen_faces(reader, views, found, lambda bared: _read(bared, samples))
-    reader, found = with_usual_dials(reader, views, found, lambda usual: _read(usual, samples))
+    views, found = lit_views(reader, samples), read_sample(reader, samples)
+    reader, found = with_seen_faces(reader, views, found, lambda bared: read_sample(bared, samples))
+    reader, found = with_usual_dials(reader, views, found, lambda usual: read_sample(usual, samples))
     reader, found = learn_hidden_looks(reader, samples, views, found)
     learned = learn_appearance(reader, views, found)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())
@@ -371,11 +372,6 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
         learned, found = kept_where_better(reader, learned, samples, views, found)
     reader, found = learn_likely_needles(learned, samples, views, found)
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
-
-
-def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Sequence[Mapping[str, Reading]]:
-    """Read a sample, by frame."""
-    return [frame.readings for frame in reader.read_unwrapped(samples)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -400,7 +396,7 @@ def _around_far_pivots(reader: PanelReader, samples: list[UnwrappedFrame], sampl
     if len(samples) < FRAMES_TO_LEARN:
         return _Recentred(reader, samples, paths, PRIOR_LOG_ODDS, drawn)
     if reader.placement.dials_move:  # a raised needle's ridges miss its pivot, so leave gauges that are read to tilts
-        found = _read(reader, samples)
+        found = read_sample(reader, samples)
         paths = [
             path if missing_part(gauge, found) > HALF * HALF else replace(path, is_found=True)
             for path, gauge in zip(paths, drawn, strict=True)

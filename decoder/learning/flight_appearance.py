@@ -102,7 +102,7 @@ def kept_where_better(
 
     A thin needle that hardly differs from its dial may be learned as noise.
     """
-    gauges, again = reader.source.panel.gauges, _read(learned, samples)
+    gauges, again = reader.source.panel.gauges, read_sample(learned, samples)
     worse = set()
     for index, gauge in enumerate(gauges):
         before, after = (len(found) * len(gauge.over_face) - _missing(gauge, own) for own in (found, again))
@@ -111,7 +111,7 @@ def kept_where_better(
     if not worse:
         return learned, again
     learned = learn_appearance(reader, views, found, set(range(len(gauges))) - worse)
-    return learned, _read(learned, samples)
+    return learned, read_sample(learned, samples)
 
 
 def learn_likely_needles(
@@ -131,11 +131,11 @@ def learn_likely_needles(
         if not of:
             return reader, found
         again = learn_appearance(reader, views, likely, of)
-        read = _read(again, samples)
+        read = read_sample(again, samples)
         better = {index for index in of if _lost(gauges[index], found, read) < _missing(gauges[index], found)}
         if better and better != of:
             again = learn_appearance(reader, views, likely, better)
-            read = _read(again, samples)
+            read = read_sample(again, samples)
         if better:
             reader, found = again, read
         of = better
@@ -157,7 +157,7 @@ def learn_hidden_looks(
     if templates == before.templates:
         return reader, found
     reader = reader.with_appearance(replace(before, templates=templates, faces=tuple(faces)))
-    return reader, _read(reader, samples)
+    return reader, read_sample(reader, samples)
 
 
 def _as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:
@@ -204,5 +204,6 @@ def _lost(gauge: Gauge, before: Sequence[Readings], after: Sequence[Readings]) -
     return _missing(gauge, after) + sum(moved)
 
 
-def _read(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> list[Readings]:
+def read_sample(reader: PanelReader, samples: Sequence[UnwrappedFrame]) -> Sequence[Readings]:
+    """Read a sample, by frame."""
     return [frame.readings for frame in reader.read_unwrapped(samples)]
