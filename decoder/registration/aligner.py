@@ -26,7 +26,7 @@ from decoder.registration.features import level_feature
 from decoder.registration.frame_search import AlignmentRefiner, FrameSearch
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.sift_localizer import SiftLocalizer
-from decoder.registration.thresholds import CONSISTENT_PX, FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS, TURNS_DEG
+from decoder.registration.thresholds import CONSISTENT_PX, FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS
 
 
 class Aligner:
@@ -111,24 +111,17 @@ class Aligner:
         return self._searched(self._seen_in(frame, focal_length_mm), frame)
 
     def _searched(self, seen: SeenPanel, frame: GreyPicture) -> Alignment:
-        """Search around the panel's usual place, and if that leaves doubt, around where SIFT puts it."""
-        lost: AlignmentLost | None = None
+        """Search around the panel's usual place, and if it is not there, around where SIFT puts it."""
         try:
-            found = FrameSearch(seen, frame).alignment()
-        except AlignmentLost as error:
-            lost = error
-        else:
-            if not found.failed or abs(found.roll_deg - self.usual.roll_deg) <= max(TURNS_DEG):
-                return found
-        motion = self.localizer.find(frame)
-        if motion is not None:
+            return FrameSearch(seen, frame).alignment()
+        except AlignmentLost as lost:
+            motion = self.localizer.find(frame)
+            if motion is None:
+                raise
             try:
                 return FrameSearch(seen.at(motion), frame).alignment()
-            except AlignmentLost as error:
-                lost = lost or error
-        if lost is not None:
-            raise lost
-        return found
+            except AlignmentLost:
+                raise lost from None
 
     @property
     def tells_perspective(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -25,22 +26,18 @@ SEARCH_MARGIN_PX = 16
 MAX_PLACES = 4
 NOTHING_THERE = "holds nothing that could be found again; box a feature with contrast"
 
-Render = Callable[[float], GreyPicture]
-"""Draws an anchor as the camera usually sees it, turned by so many degrees."""
+Render = Callable[[], GreyPicture]
+"""Draws an anchor as the camera usually sees it."""
 Shrunk = Callable[[int], GreyPicture]
 """Gives a frame as `reduced` by a factor, however often it is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
 class AnchorHit:
-    """Where an anchor's centre was found in a frame, to the pixel and without distortion, and how well it matched.
-
-    `turned_deg` is the angle by which its picture was turned to find it.
-    """
+    """Where an anchor's centre was found in a frame, to the pixel and without distortion, and how well it matched."""
 
     centre_px: Point
     score: float
-    turned_deg: float = 0.0
 
 
 class AnchorFinder:
@@ -50,12 +47,11 @@ class AnchorFinder:
         self.name = name
         self.centre_px = centre_px
         self._render = render
-        self._templates: dict[float, GreyPicture] = {}
         self._lens = lens if lens is not None and lens.distorts else None
 
-    def near(self, frame: GreyPicture, place_px: Point, margin_px: int, turned_deg: float = 0.0) -> AnchorHit:
+    def near(self, frame: GreyPicture, place_px: Point, margin_px: int) -> AnchorHit:
         """Find the best match with its centre within a margin of a place; score 0 where there is no room for it."""
-        template = self._template(turned_deg)
+        template = self._template
         height, width = template.shape
         x, y = self._bent(place_px)
         left, top = round(x - (width - 1) / 2) - margin_px, round(y - (height - 1) / 2) - margin_px
@@ -63,19 +59,17 @@ class AnchorFinder:
         left, top = max(left, 0), max(top, 0)
         region = frame[top : max(bottom, 0), left : max(right, 0)]
         if region.shape[0] < height or region.shape[1] < width:
-            return AnchorHit(place_px, 0.0, turned_deg)
+            return AnchorHit(place_px, 0.0)
         scores = cv2.matchTemplate(region, template, cv2.TM_CCOEFF_NORMED)
         _, best, _, (x, y) = cv2.minMaxLoc(scores)
-        return AnchorHit(
-            self._straight((left + x + (width - 1) / 2, top + y + (height - 1) / 2)), float(best), turned_deg
-        )
+        return AnchorHit(self._straight((left + x + (width - 1) / 2, top + y + (height - 1) / 2)), float(best))
 
     def seen_through(self, frame: GreyPicture, alignment: Alignment, margin_px: int) -> AnchorHit:
         """Find the best match near where an alignment puts the anchor, with the shape that the alignment gives it.
 
         Alignment and margin are relative to the usual place.
         """
-        template = self._template(0.0)
+        template = self._template
         height, width = template.shape
         x, y = self.centre_px
         across = np.arange(width + 2 * margin_px) + (x - (width - 1) / 2 - margin_px)
@@ -87,9 +81,9 @@ class AnchorFinder:
         x, y, depth = alignment.matrix @ (x + right - margin_px, y + below - margin_px, 1.0)
         return AnchorHit((float(x / depth), float(y / depth)), float(best))
 
-    def anywhere(self, frame: GreyPicture, shrunk: Shrunk, turned_deg: float = 0.0) -> Sequence[AnchorHit]:
+    def anywhere(self, frame: GreyPicture, shrunk: Shrunk) -> Sequence[AnchorHit]:
         """Find the best matches in the whole frame, which is also given `shrunk`; best first, without overlaps."""
-        template = self._template(turned_deg)
+        template = self._template
         factor = int(np.clip(min(template.shape) // MIN_REDUCED_PX, 1, MAX_REDUCTION))
         small, small_template = shrunk(factor), reduced(template, factor)
         height, width = small_template.shape
@@ -102,14 +96,13 @@ class AnchorFinder:
             if best <= 0.0:
                 break
             rough = tuple((at + size / 2) * factor - 0.5 for at, size in ((x, width), (y, height)))
-            hits.append(self.near(frame, self._straight((rough[0], rough[1])), 2 * factor, turned_deg))
+            hits.append(self.near(frame, self._straight((rough[0], rough[1])), 2 * factor))
             scores[max(y - height // 2, 0) : y + height // 2 + 1, max(x - width // 2, 0) : x + width // 2 + 1] = -1.0
         return sorted(hits, key=lambda hit: -hit.score)
 
-    def _template(self, turned_deg: float) -> GreyPicture:
-        if turned_deg not in self._templates:
-            self._templates[turned_deg] = self._render(turned_deg)
-        return self._templates[turned_deg]
+    @cached_property
+    def _template(self) -> GreyPicture:
+        return self._render()
 
     def _bent(self, place_px: Point) -> Point:
         if self._lens is None:

@@ -1,7 +1,7 @@
 """The search of one frame: from first guesses to an alignment that fits all matching features.
 
 A frame is searched if some feature does not match at its usual place in the flight: anchors are searched for by NCC
-near their usual places, then everywhere, then everywhere and turned. The first guess is what most of them agree on;
+near their usual places, then everywhere. The first guess is what most of them agree on;
 where only one was found, the level edge gives the roll. All features that match then refine it to sub-pixel, and missed
 anchors are searched for again where these put them. An alignment whose features do not match is refused: a frame that
 cannot be aligned is missing, never read somewhere else.
@@ -37,7 +37,6 @@ from decoder.registration.thresholds import (
     MIN_GUESS_SCORE,
     SCORE_THRESHOLD,
     SIGNIFICANT_SIGMAS,
-    TURNS_DEG,
 )
 
 # Thresholds to try if features disagree: a covered one rarely reaches the first, one half outside hardly the second.
@@ -283,12 +282,6 @@ class FrameSearch:
         yield from self._guesses_from(near)
         found = [list(finder.anywhere(self._frame, self._shrunk)) for finder in finders]
         yield from self._guesses_from(found)
-        if len(finders) > 1:
-            for hits, finder in zip(found, finders, strict=True):
-                hits += [
-                    hit for turned_deg in TURNS_DEG for hit in finder.anywhere(self._frame, self._shrunk, turned_deg)
-                ]
-            yield from self._guesses_from(found)
 
     def _guesses_from(self, hits: Sequence[Sequence[AnchorHit]]) -> Iterator[Alignment]:
         agreed = agreements([finder.centre_px for finder in self._seen.finders], hits)
@@ -312,10 +305,8 @@ class FrameSearch:
         places = [finder.centre_px for finder in self._seen.finders]
         for margin_px in REFINE_MARGINS_PX:
             guess = Alignment.of(motion, 1.0)
-            roll_deg = guess.motion_at(places[0]).roll_deg
-            turned_deg = min((0.0, *TURNS_DEG), key=lambda turn: abs(turn - roll_deg))
             hits = {
-                index: finder.near(self._frame, guess.to_frame(finder.centre_px), margin_px, turned_deg)
+                index: finder.near(self._frame, guess.to_frame(finder.centre_px), margin_px)
                 for index, finder in enumerate(self._seen.finders)
             }
             found = {index: hit for index, hit in hits.items() if hit.score >= MIN_FIRST_SCORE}

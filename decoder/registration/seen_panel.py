@@ -175,16 +175,15 @@ class SeenPanel:
         centre = (float(x), float(y))
         return AnchorFinder(anchor.name, centre, partial(self._rendered, anchor, centre), self._lens)
 
-    def _rendered(self, anchor: Anchor, centre: Point, turned_deg: float) -> GreyPicture:
-        """Draw the anchor as such frames show it, turned clockwise about its centre."""
+    def _rendered(self, anchor: Anchor, centre: Point) -> GreyPicture:
+        """Draw the anchor as such frames show it."""
         left, top, width, height = whole_box(anchor)
-        if self._is_as_drawn and turned_deg == 0.0:
+        if self._is_as_drawn:
             return np.ascontiguousarray(self._picture[top : top + height, left : left + width])
         scale = Alignment.of(self.usual, 1.0).motion_at((left + width / 2, top + height / 2)).scale
         width, height = max(round(width * scale), 4), max(round(height * scale), 4)
         x, y = np.meshgrid(np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2)
-        cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
-        there = np.stack([centre[0] + cos * x + sin * y, centre[1] + cos * y - sin * x]).reshape(2, -1)
+        there = np.stack([centre[0] + x, centre[1] + y]).reshape(2, -1)
         own = _projected(there, np.linalg.inv(self.usual)).astype(np.float64)
         lens = self._optics.lens
         if lens is not None and lens.distorts:

@@ -16,7 +16,6 @@
 | MAX_FEW_SHIFT_PX | 40.0 | px | from the usual place if only two of many anchors match | two may look like others |
 | FEW_FAILED | 1 / 4 | 1 | of anchors; if more fail, they are at different depths | the simulator's cockpit |
 | MOST_ANCHORED | 2 | 1 | times the panel picture that anchors may cover | each pixel is searched |
-| TURNS_DEG | (-5.0, 5.0) | degrees | turns of anchors; larger rolls are checked with SIFT | at four one matches |
 | FULL_STEPS | 4 | 1 | of least squares; later ones are halved | or two places alternate |
 | SETTLED_PX | 0.01 | px | all further steps together | well below a sigma |
 | MAX_STEP_PX | 6.0 | px | a longer step means that the frame is lost | half a patch's margin more |
@@ -56,7 +55,6 @@ SIGNIFICANT_SIGMAS = 2.5
 MAX_FEW_SHIFT_PX = 40.0
 FEW_FAILED = 1 / 4
 MOST_ANCHORED = 2
-TURNS_DEG = (-5.0, 5.0)
 FULL_STEPS = 4
 SETTLED_PX = 0.01
 MAX_STEP_PX = 6.0
