@@ -36,6 +36,7 @@ from decoder.learning.drawn_points import (
     slip_findings,
     uneven_deg,
 )
+from decoder.learning.even_marks import squeezes_of_marks
 from decoder.learning.flight_appearance import (
     kept_where_better,
     learn_appearance,
@@ -290,6 +291,8 @@ def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[_Known] = 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
     """Learn a first time, then again in better colours, with lost dials squared up."""
+    if any(squeezes := squeezes_of_marks(reader.source)):
+        reader = squared_up(reader, squeezes)
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     placed = as_sharp_as_frames(placed, samples)
@@ -298,7 +301,11 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     coloured = in_best_colours(placed, lost, sample)
     before = last.found
     # A quarter is enough: more may be missing because something else lies over the dial.
-    squeezes = _squeezes(begun, [missing_part(gauge, before) > HALF * HALF for gauge in gauges], is_lost=True)
+    wanted = [
+        known is None and missing_part(gauge, before) > HALF * HALF
+        for known, gauge in zip(_corrected(begun.reader.source), gauges, strict=True)
+    ]
+    squeezes = _squeezes(begun, wanted, is_lost=True)
     if coloured is placed and not any(squeezes):
         return begun, last
     del begun, last, samples  # frees memory for what is unwrapped later
@@ -560,13 +567,14 @@ def _planes_around(
 
 
 def squared_up(reader: PanelReader, squeezes: Sequence[Squeeze | None]) -> PanelReader:
-    """Return a reader of the panel as drawn with squeezed dials squared up; it has not learned them again yet."""
+    """Return a reader of the panel as drawn with more dials squared up; it has not learned them again yet."""
     gauges = tuple(
         gauge if squeeze is None else gauge.at_angles(squeeze.square_on_deg)
         for gauge, squeeze in zip(reader.source.panel.gauges, squeezes, strict=True)
     )
     panel = reader.source.panel.model_copy(update={"gauges": gauges})
-    source = replace(reader.source, panel=panel, planes=None, squeezes=tuple(squeezes))
+    known = zip(squeezes, _corrected(reader.source), strict=True)
+    source = replace(reader.source, panel=panel, planes=None, squeezes=tuple(new or old for new, old in known))
     return _redrawn(reader, source.with_planes(), reader.placement)
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from operator import itemgetter
 from typing import Self
 
@@ -53,6 +54,8 @@ HALVINGS = 5
 Axes = frozenset[int]
 SQUEEZE_AXES: Axes = frozenset({2, 3})
 ALL_AXES: Axes = frozenset({0, 1}) | SQUEEZE_AXES
+# Fewer marks, or waves, all round a dial hardly show where it is squeezed; marks lie in a fraction of the radii.
+FEWEST_MARKS, BANDS = 12, 4
 # A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
 # The frames that show a needle elsewhere, and so what lies behind it: the most different third of them.
@@ -278,6 +281,55 @@ def card_squeeze(
     starts = np.zeros(4), square_on[1], squeezes[score(squeezes).argmax()]
     highest, view = max((_climbed(score, start, axes, reach) for start in starts), key=itemgetter(0))
     return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on[0]) else None
+
+
+def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None:
+    """Search for the squeeze of a dial that is seen obliquely, in one picture (R, C) of the marks around it.
+
+    Marks all round a dial are even, so seen obliquely they stand closer together at both ends of the ellipse's longer
+    diameter. They look uneven from beside their middle as well, so it is searched for at the same time. None if the
+    dial is seen square on, or its ring shows too much besides even marks.
+    """
+    radius_px = float(grid.radii_px[-1])
+    reach = min(REACH_PART, _most_margin_px(grid) / radius_px)
+    rings = _Rings.of(grid, [drawn], reach * radius_px)
+
+    def score(views: Floats, rings: _Rings = rings) -> Floats:
+        seen = ((radius_px * x, radius_px * y, Squeeze(*squeeze)) for x, y, *squeeze in views.tolist())
+        return np.array([_even(rings.around((x_px, y_px), squeeze)[0]) for x_px, y_px, squeeze in seen])
+
+    # Many marks are in step in some wrong views too, so views have to be close to each other, if not with all radii.
+    near, views = _disc(reach / 4, STEP_PART / 2), _disc(reach / 2, STEP_PART / 2)
+    starts = np.array([[*offset, *squeeze] for offset in near for squeeze in views])
+    thin = replace(rings, radii_px=rings.radii_px[::BANDS])
+    likely = starts[np.argsort(score(starts, thin))[-BANDS:]]
+    square_on, _ = _climbed(score, np.zeros(4), ALL_AXES - SQUEEZE_AXES, reach)
+    climbed = [_climbed(score, start, ALL_AXES, reach) for start in likely]
+    highest, view = max(climbed, key=itemgetter(0))
+    is_clear = 1.0 - highest < min(HALF * HALF, FAR_GAIN * (1.0 - square_on))
+    return Squeeze(*view[2:].tolist()) if is_clear else None
+
+
+def _even(ring: Floats) -> float:
+    """Return how much of what a ring (angles, radii) shows is even, in the band of radii where most of it is.
+
+    That is the share of it that recurs after some part of a turn, all the way round, beyond the share that noise has.
+    """
+    power = np.square(np.abs(np.fft.rfft(ring, axis=0)))[FEWEST_MARKS:].astype(np.float32)
+    width = ring.shape[1] // BANDS
+    sums = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
+    bands = sums[:, width:] - sums[:, :-width]
+    is_of = _waves_of_marks(len(power))
+    shares = is_of @ (bands / (bands.sum(axis=0) + NOISE_LEVELS**2 * width * len(ring)))
+    return float((shares.max(axis=1) - is_of.mean(axis=1)).max())
+
+
+@cache
+def _waves_of_marks(count: int) -> Floats:
+    """(W, W) float32: for each number of even marks all round, from the fewest on, which waves around them it has."""
+    waves = np.arange(FEWEST_MARKS, FEWEST_MARKS + count)
+    is_of: Floats = (waves % waves[:, None] == 0).astype(np.float32)
+    return is_of
 
 
 def _climbed(score: Score, start: Floats, axes: Axes, reach: float) -> tuple[float, Floats]:
