@@ -238,7 +238,15 @@ def card_pivot(grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Vector | No
     found = _finest(score, np.array(start), LAST_STEP_PART * radius_px / 2)
     # Near its edges a card may show what decides.
     drawn, there = (1.0 - _alike(card_rings(grid, strips, each)) for each in ((0.0, 0.0), found))
-    return found if there < FAR_GAIN * drawn else None
+    if there >= FAR_GAIN * drawn:
+        return None
+    # On an ellipse a card may match itself better far off its pivot than around it, until it is squared up.
+    search = _ViewSearch(rings, radius_px, reach_px / radius_px)
+    there_only = np.array([*found, 0.0, 0.0]) / radius_px
+    squared_up, view = search.best(ALL_AXES, there_only)
+    is_nearer = math.hypot(*view[:2]) < math.hypot(*(view - there_only)[:2])
+    explains_more = 1.0 - squared_up < FAR_GAIN * (1.0 - float(search.score(there_only[None])[0]))
+    return None if is_nearer and explains_more else found
 
 
 def _most_margin_px(grid: PolarGrid) -> float:
@@ -268,19 +276,41 @@ def card_squeeze(
     strips = _most_different(strips)
     if len(strips) <= 1:
         return None
-    radius_px = float(grid.radii_px[-1])
-    reach = min(REACH_PART, _most_margin_px(grid) / radius_px)  # at most as seen from 35 degrees aside
-    rings = _Rings.of(grid, strips, reach * radius_px)
+    search = _ViewSearch.of(grid, strips)
+    square_on, round_view = search.climbed(np.zeros(4), axes - SQUEEZE_AXES)
+    highest, view = search.best(axes, round_view)
+    return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on) else None
 
-    def score(views: Floats) -> Floats:
-        seen = ((radius_px * x, radius_px * y, Squeeze(*squeeze)) for x, y, *squeeze in views.tolist())
-        return np.array([_alike(rings.around((x_px, y_px), squeeze)) for x_px, y_px, squeeze in seen])
 
-    squeezes = np.pad(_disc(reach, STEP_PART), ((0, 0), (2, 0)))
-    square_on = _climbed(score, np.zeros(4), axes - SQUEEZE_AXES, reach)
-    starts = np.zeros(4), square_on[1], squeezes[score(squeezes).argmax()]
-    highest, view = max((_climbed(score, start, axes, reach) for start in starts), key=itemgetter(0))
-    return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on[0]) else None
+@dataclass(frozen=True, slots=True)
+class _ViewSearch:
+    """A search for the view of a card in which frames show it only turned: `rings` are theirs within `reach`."""
+
+    rings: _Rings
+    radius_px: float
+    reach: float
+
+    @classmethod
+    def of(cls, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Self:
+        """Begin around the drawn centre, square on."""
+        radius_px = float(grid.radii_px[-1])
+        reach = min(REACH_PART, _most_margin_px(grid) / radius_px)  # at most as seen from 35 degrees aside
+        return cls(_Rings.of(grid, strips, reach * radius_px), radius_px, reach)
+
+    def score(self, views: Floats) -> Floats:
+        """(N,): how well frames match in each of N views."""
+        seen = ((self.radius_px * x, self.radius_px * y, Squeeze(*own)) for x, y, *own in views.tolist())
+        return np.array([_alike(self.rings.around((x_px, y_px), squeeze)) for x_px, y_px, squeeze in seen])
+
+    def climbed(self, start: Floats, axes: Axes) -> tuple[float, Floats]:
+        """Climb from a view (4,) to a better one; return how well frames match in it, and the view."""
+        return _climbed(self.score, start, axes, self.reach)
+
+    def best(self, axes: Axes, square_on: Floats) -> tuple[float, Floats]:
+        """Climb to the best view, also from the best without a squeeze."""
+        squeezes = np.pad(_disc(self.reach, STEP_PART), ((0, 0), (2, 0)))
+        starts = np.zeros(4), square_on, squeezes[self.score(squeezes).argmax()]
+        return max((self.climbed(start, axes) for start in starts), key=itemgetter(0))
 
 
 def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None:

@@ -166,6 +166,42 @@ def test_card_seen_from_aside_is_squared_up_and_read(squeeze: Squeeze) -> None:
         assert apart(float(value), heading_of(turn_deg)) < 0.2
 
 
+def draw_letters(turn_deg: float, seed: int) -> GreyPicture:
+    """Draws a card that has nothing but blocks for letters, around a plate that stands still."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.disc(CENTRE, 76.0, 35.0)
+        rng = np.random.default_rng(111)
+        for letter in range(12):
+            for _ in range(rng.integers(2, 5)):
+                inner_px, half = rng.uniform(60.0, 66.0), rng.uniform(0.7, 2.0)
+                radii = (inner_px, inner_px + rng.uniform(3.0, 8.0))
+                canvas.bar(letter * 30 + turn_deg + rng.uniform(-5.0, 5.0), radii, (half, half), 190.0)
+        canvas.bar(INDEX_DEG, (40.0, 56.0), (1.0, 1.0), 150.0)
+
+    return paint(what, seed=seed)
+
+
+def test_card_seen_from_aside_is_not_read_around_a_point_far_off_its_pivot() -> None:
+    """On an ellipse, letters match themselves better around some point far off, and some turns only around that."""
+    squeeze, turns_deg = Squeeze(0.03, 0.035), [0.0, -20.0, -45.0, 20.0, 40.0, -60.0, 60.0, -80.0]
+    card = CARD | {
+        "radius": [50, 73],
+        "scale": [[appears_deg(INDEX_DEG + angle_deg, squeeze), value] for angle_deg, value in ((0, 0), (180, 180))],
+        "card": {"name": "heading_deg", "index": appears_deg(INDEX_DEG, squeeze)},
+    }
+    frames = [aside(draw_letters(turn_deg, 50 + index), squeeze) for index, turn_deg in enumerate(turns_deg)]
+
+    fitted = fit_to_flight(reader_for([card], aside(draw_letters(0.0, 1), squeeze)), lambda _: frames)
+
+    (gauge,) = fitted.panel.gauges
+    for turn_deg in (-70.0, -33.0, 10.0, 52.0):
+        reading = read_picture(fitted.reader, aside(draw_letters(turn_deg, 9), squeeze)).readings["heading_deg"]
+        (value,) = Scale.of(gauge.scale, 360.0).values_at(np.array([reading.angle_deg]))
+        assert reading.status is Status.READ
+        assert apart(float(value), heading_of(turn_deg)) < 0.3
+
+
 def test_card_seen_from_aside_is_read_though_its_bug_stays_lost() -> None:
     """What squares up a card is not held against a bug that only the panel picture shows."""
     squeeze = Squeeze(-0.03, 0.02)
