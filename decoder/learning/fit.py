@@ -251,6 +251,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             found=last.found,
             templates=last.reader.appearance.templates,
             squeezes=allowed,
+            squared_up=_corrected(last.reader.source),
         ),
         moved_px={
             gauge.name: (gauge.centre[0] - drawn.centre[0], gauge.centre[1] - drawn.centre[1])

@@ -46,6 +46,8 @@ FOUND_PX = 0.02
 # Error of a raised needle's apparent pivot that no tilt shows, as a part of its height: the needle casts a shadow to
 # one side, and its height is given to a hundredth of an inch only.
 HEIGHT_PART = 0.005
+# Places all round a dial, to average over.
+BETWEEN_MARKS = 361
 # One dial's needles hardly show how well it is located: the scatter of all dials counts like this many of its tilts.
 SHARED_TILTS = 16
 
@@ -171,6 +173,7 @@ def quantity_uncertainties(
     found: Sequence[Mapping[str, Reading]] = (),
     templates: Mapping[str, NeedleTemplate] = MappingProxyType({}),
     squeezes: Sequence[Squeeze | None] = (),
+    squared_up: Sequence[Squeeze | None] = (),
 ) -> dict[str, QuantityUncertainty]:
     """Estimate, for each quantity, the uncertainty of its readings beyond that from their own frames.
 
@@ -196,13 +199,18 @@ def quantity_uncertainties(
         For each needle, what it looks like in the flight.
     squeezes
         For each gauge that was not squared up, how the view squeezes it, if that is known.
+    squared_up
+        For each gauge that was, how it was squeezed: others of the panel are likely seen about as obliquely.
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     care = _Care(care_part, marks_missed_px(told))
+    most = max((math.hypot(each.across, each.askew) for each in squared_up if each is not None), default=0.0)
     uncertainties = {}
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
         gauge, as_told, pivot, place_px, path = parts
         squeeze = squeezes[index] if squeezes else None
+        is_square_on = drawn.grid(index).plane is not None or (bool(squared_up) and squared_up[index] is not None)
+        part = 0.0 if is_square_on else most
         as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care, squeeze=squeeze)
         as_needle = replace(
             as_card, drawn_deg=_by_hand_deg(gauge, care), place_px=place_px, missed_px=_missed_px(path, log_odds)
@@ -218,6 +226,7 @@ def quantity_uncertainties(
                 uncertainties[name] = as_written
             elif name in needles:
                 own = _of_needle(as_needle, gauge, quantity, care, is_mistaken=name in mistaken)
+                own = replace(own, seen_deg=math.hypot(own.seen_deg, _between_marks_deg(quantity, part)))
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
                 uncertainties[name] = _of_other(as_card, gauge, quantity, path, care)
@@ -410,6 +419,20 @@ def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
     if drawn.grid(index).plane is not None or not drawn.panel.gauges[index].is_round:
         return 0.0
     return math.degrees(USUAL_VIEW**2 / 4 / math.sqrt(2.0))
+
+
+def _between_marks_deg(quantity: Quantity, part: float) -> float:
+    """Estimate the error of a needle that goes all the way round, between marks of a dial with such a squeeze.
+
+    Marks are drawn where they appear on the ellipse, and a needle between two of them is read as if along a circle.
+    """
+    if quantity.wraps is None or not part:
+        return 0.0
+    marks = np.sort(np.radians([angle_deg for angle_deg, _ in quantity.marks]) % math.tau)
+    around = np.append(marks, marks[0] + math.tau)
+    angles = np.linspace(around[0], around[-1], BETWEEN_MARKS)
+    ahead = np.exp(2j * angles) - np.interp(angles, around, np.exp(2j * around))
+    return math.degrees(part / math.sqrt(2.0) * math.sqrt(float(np.square(np.abs(ahead)).mean())))
 
 
 def _height_px(drawn: PanelPictures, index: int) -> float:

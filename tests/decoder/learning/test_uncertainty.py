@@ -12,7 +12,7 @@ import pytest
 
 from decoder.imaging.panel_pictures import PanelPictures, panel_from_file
 from decoder.imaging.pictures import GreyPicture
-from decoder.imaging.planes import DialPlane
+from decoder.imaging.planes import DialPlane, Squeeze
 from decoder.instruments.panel_reader import PanelReader
 from decoder.learning.budget import Cause
 from decoder.learning.drawn_points import (
@@ -58,6 +58,7 @@ def uncertainties_of(
     log_odds: float = 0.0,
     care_part: float = 0.0,
     dials_move: bool = False,
+    squared_up: Sequence[Squeeze | None] = (),
 ) -> dict[str, QuantityUncertainty]:
     """Of a panel whose gauges are all alike."""
     count = len(drawn.panel.gauges)
@@ -69,6 +70,7 @@ def uncertainties_of(
         log_odds=log_odds,
         care_part=care_part,
         dials_move=dials_move,
+        squared_up=squared_up,
     )
 
 
@@ -340,6 +342,28 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
     for name, each in after.items():
         added = 2.0 if name in {quantity.name for quantity in first.quantities} else 0.0
         assert each.drawn_deg == pytest.approx(math.hypot(before[name].drawn_deg, added))
+
+
+@pytest.mark.parametrize("marks", [2, 12])
+def test_a_needle_is_doubted_between_marks_where_another_dial_is_seen_obliquely(marks: int) -> None:
+    """Its own dial may appear as the same ellipse: intervals hold then as well, whichever way that lies."""
+    part, drawn_deg = 0.03, [270.0 + 360.0 / marks * mark for mark in range(marks)]
+
+    def with_rounds(content: dict[str, Any]) -> None:
+        scale = [[angle_deg, (angle_deg - 270.0) / 6.0] for angle_deg in drawn_deg]
+        content["gauges"][0] |= {"sweep": [0, 360], "scale": scale, "wraps": 60}
+
+    drawn = reader_of(with_rounds).source
+    others = (Squeeze(part, 0.0),) * len(drawn.panel.gauges)
+    before, after = (uncertainties_of(drawn, squared_up=each)["speed_kt"] for each in ((), (None, *others[1:])))
+    off_deg = []
+    for turn, needle_deg in np.random.default_rng(5).uniform((0.0, 270.0), (math.tau, 630.0), (500, 2)).tolist():
+        own = Squeeze(part * math.cos(turn), part * math.sin(turn))
+        true_deg = [own.square_on_deg(angle_deg) for angle_deg in (*drawn_deg, 630.0)]
+        off_deg.append(own.square_on_deg(needle_deg) - np.interp(needle_deg, (*drawn_deg, 630.0), true_deg))
+
+    assert len(others) > 1
+    assert math.sqrt(after.seen_deg**2 - before.seen_deg**2) == pytest.approx(np.std(off_deg), rel=0.1)
 
 
 def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
