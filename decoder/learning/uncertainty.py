@@ -84,6 +84,8 @@ class QuantityUncertainty:
         The quantity, if its scale may be bowed between its marks.
     slips_deg
         For each mark of its scale how far it is off what its neighbours make of it, if any is.
+    stretched_part
+        The part by which a shift may be longer or shorter, seen from aside, than where its ladder was drawn.
     """
 
     drawn_deg: float
@@ -98,6 +100,7 @@ class QuantityUncertainty:
     beside_deg: float = 0.0
     bowed: Quantity | None = None
     slips_deg: Floats | None = None
+    stretched_part: float = 0.0
 
     @property
     def allowed_deg(self) -> float:
@@ -122,7 +125,7 @@ class QuantityUncertainty:
         return {
             Cause.DRAWN: np.hypot(drawn_deg, self.beside_deg),
             Cause.PIVOT: pivot_deg,
-            Cause.VIEWED: np.full_like(angles_deg, self.seen_deg),
+            Cause.VIEWED: np.hypot(self.seen_deg, self.stretched_part * angles_deg),
             Cause.PLACED: np.full_like(angles_deg, math.degrees(self.place_px / self.radius_px)),
         }
 
@@ -229,18 +232,20 @@ def quantity_uncertainties(
                 own = replace(own, seen_deg=math.hypot(own.seen_deg, _between_marks_deg(quantity, part)))
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
-                uncertainties[name] = _of_other(as_card, gauge, quantity, path, care)
+                seen_part = part if squeeze is None else math.hypot(squeeze.across, squeeze.askew)
+                seen_part = 0.0 if is_square_on else max(seen_part, USUAL_VIEW**2 / 4)
+                uncertainties[name] = _of_other(as_card, gauge, quantity, path, care, seen_part=seen_part)
     return uncertainties
 
 
 def _of_other(
-    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care, *, seen_part: float
 ) -> QuantityUncertainty:
     """Estimate it for anything but a needle; an error in drawing a zero of its own affects all values alike."""
     dial = replace(dial, bowed=quantity if quantity.bow_per_deg else None)
     if quantity.has_drawn_zero:
         return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
-    return _of_shift(dial, path, care) if quantity.is_shift else dial
+    return replace(_of_shift(dial, path, care), stretched_part=seen_part) if quantity.is_shift else dial
 
 
 def _of_needle(
@@ -307,7 +312,8 @@ def _of_card(
 def _of_shift(dial: QuantityUncertainty, path: PivotPath, care: _Care) -> QuantityUncertainty:
     """Estimate it for a shift, such as pitch, which is measured from the pivot and so shares its error.
 
-    Its marks lie beside the pivot, not along the rim, so their drawing errors count in full.
+    Its marks lie beside the pivot, not along the rim, so their drawing errors count in full. Seen from aside, a shift
+    one way appears longer than one the other way, and the horizon shifts along whichever its bank makes its upright.
     """
     beside_px = math.hypot(care.marks_px, dial.pivot.sigma_px if path.was_moved else 0.0)
     return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, math.degrees(beside_px / dial.radius_px)))

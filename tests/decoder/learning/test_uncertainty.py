@@ -59,6 +59,7 @@ def uncertainties_of(
     care_part: float = 0.0,
     dials_move: bool = False,
     squared_up: Sequence[Squeeze | None] = (),
+    squeezes: Sequence[Squeeze | None] = (),
 ) -> dict[str, QuantityUncertainty]:
     """Of a panel whose gauges are all alike."""
     count = len(drawn.panel.gauges)
@@ -71,6 +72,7 @@ def uncertainties_of(
         care_part=care_part,
         dials_move=dials_move,
         squared_up=squared_up,
+        squeezes=squeezes,
     )
 
 
@@ -433,6 +435,25 @@ def test_pitch_is_doubted_by_how_unsure_the_place_is_that_the_pivot_was_moved_to
     assert doubted["roll_deg"].drawn_deg == pytest.approx(sure["roll_deg"].drawn_deg, rel=1e-3)
     added_deg = math.sqrt(doubted["pitch_deg"].drawn_deg ** 2 - sure["pitch_deg"].drawn_deg ** 2)
     assert added_deg == pytest.approx(math.degrees(unsure_px / gauge.arc_px), rel=1e-3)
+
+
+def test_pitch_is_doubted_by_how_much_longer_an_oblique_view_may_show_it() -> None:
+    """Its ladder is drawn at one bank; at another the horizon shifts along another way across the ellipse."""
+    drawn = panel_from_file(FIXTURES / "borrowed" / "attitude_daylight" / "panel.yaml")
+    view, (gauge,) = Squeeze(0.05, 0.0), drawn.panel.gauges
+    banks = np.random.default_rng(7).uniform(0.0, math.tau, (2, 500))
+    at_one, at_other = np.linalg.norm(view.matrix @ np.stack([np.cos(banks), np.sin(banks)], axis=1), axis=1)
+    shifts_deg = np.array([0.0, 20.0])
+
+    def seen_deg(of_gauge: Squeeze | None) -> Floats:
+        return uncertainties_of(drawn, squeezes=(of_gauge,))["pitch_deg"].parts_deg(shifts_deg)[Cause.VIEWED]
+
+    (still, shifted), unknown = seen_deg(view), seen_deg(None)
+
+    assert gauge.attitude is not None
+    added_deg = math.sqrt(shifted**2 - still**2)
+    assert added_deg == pytest.approx(shifts_deg[1] * np.std(at_one / at_other), rel=0.1)
+    assert unknown[1] > unknown[0]
 
 
 def scaled(drawn_deg: Sequence[Floats], values: Floats) -> list[Gauge]:
