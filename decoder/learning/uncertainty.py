@@ -233,7 +233,7 @@ def quantity_uncertainties(
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
                 seen_part = part if squeeze is None else math.hypot(squeeze.across, squeeze.askew)
-                seen_part = 0.0 if is_square_on else max(seen_part, USUAL_VIEW**2 / 4)
+                seen_part = 0.0 if is_square_on else math.hypot(seen_part, USUAL_VIEW**2 / 4)
                 uncertainties[name] = _of_other(as_card, gauge, quantity, path, care, seen_part=seen_part)
     return uncertainties
 
