@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -164,6 +164,14 @@ class _Care:
     marks_px: float
 
 
+@dataclass(frozen=True, slots=True)
+class _View:
+    """The parts by which a dial that is not squared up may be squeezed: all around it, and along a shift."""
+
+    around_part: float
+    along_part: float
+
+
 def quantity_uncertainties(
     drawn: PanelPictures,
     told: Sequence[Gauge],
@@ -207,13 +215,11 @@ def quantity_uncertainties(
     """
     places_px = _places_px(pivots, FOUND_PX if dials_move else 0.0)
     care = _Care(care_part, marks_missed_px(told))
-    most = max((math.hypot(each.across, each.askew) for each in squared_up if each is not None), default=0.0)
+    views = _views(drawn, squeezes, squared_up)
     uncertainties = {}
-    for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, strict=True)):
-        gauge, as_told, pivot, place_px, path = parts
+    for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, views, strict=True)):
+        gauge, as_told, pivot, place_px, path, view = parts
         squeeze = squeezes[index] if squeezes else None
-        is_square_on = drawn.grid(index).plane is not None or (bool(squared_up) and squared_up[index] is not None)
-        part = 0.0 if is_square_on else most
         as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care, squeeze=squeeze)
         as_needle = replace(
             as_card, drawn_deg=_by_hand_deg(gauge, care), place_px=place_px, missed_px=_missed_px(path, log_odds)
@@ -229,23 +235,39 @@ def quantity_uncertainties(
                 uncertainties[name] = as_written
             elif name in needles:
                 own = _of_needle(as_needle, gauge, quantity, care, is_mistaken=name in mistaken)
-                own = replace(own, seen_deg=math.hypot(own.seen_deg, _between_marks_deg(quantity, part)))
+                own = replace(own, seen_deg=math.hypot(own.seen_deg, _between_marks_deg(quantity, view.around_part)))
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
-                seen_part = part if squeeze is None else math.hypot(squeeze.across, squeeze.askew)
-                seen_part = 0.0 if is_square_on else math.hypot(seen_part, USUAL_VIEW**2 / 4)
-                uncertainties[name] = _of_other(as_card, gauge, quantity, path, care, seen_part=seen_part)
+                uncertainties[name] = _of_other(as_card, gauge, quantity, path, care, view=view)
     return uncertainties
 
 
+def _views(
+    drawn: PanelPictures, squeezes: Sequence[Squeeze | None], squared_up: Sequence[Squeeze | None]
+) -> Iterator[_View]:
+    """For each gauge, say how obliquely it may be seen beyond what its reading takes into account."""
+
+    def part(squeeze: Squeeze) -> float:
+        return math.hypot(squeeze.across, squeeze.askew)
+
+    none = (None,) * len(drawn.panel.gauges)
+    others_part = max((part(each) for each in squared_up if each is not None), default=0.0)
+    for index, (own, known) in enumerate(zip(squeezes or none, squared_up or none, strict=True)):
+        if known is not None or drawn.grid(index).plane is not None:
+            yield _View(0.0, 0.0)
+        else:
+            along_part = others_part if own is None else part(own)
+            yield _View(others_part, math.hypot(along_part, USUAL_VIEW**2 / 4))
+
+
 def _of_other(
-    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care, *, seen_part: float
+    dial: QuantityUncertainty, gauge: Gauge, quantity: Quantity, path: PivotPath, care: _Care, *, view: _View
 ) -> QuantityUncertainty:
     """Estimate it for anything but a needle; an error in drawing a zero of its own affects all values alike."""
     dial = replace(dial, bowed=quantity if quantity.bow_per_deg else None)
     if quantity.has_drawn_zero:
         return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
-    return replace(_of_shift(dial, path, care), stretched_part=seen_part) if quantity.is_shift else dial
+    return replace(_of_shift(dial, path, care), stretched_part=view.along_part) if quantity.is_shift else dial
 
 
 def _of_needle(
