@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from decoder.setup.finding.geared import lowest
 from decoder.setup.finding.hands import Hands, together, what_is_not_told
 from decoder.setup.finding.legends import legend_of
 from decoder.setup.finding.marks import Marked, marked
-from decoder.setup.finding.numerals import Text, is_there, level_deg, parts_of, texts_in
+from decoder.setup.finding.numerals import Text, is_there, level_deg, numbers_at, parts_of, texts_in
 from decoder.setup.finding.proposal import ProposedGauge
 from decoder.setup.finding.scales import fits
 from decoder.setup.finding.strokes import strokes_in
@@ -138,6 +139,42 @@ def test_ticks_too_short_to_aim_are_found_by_their_numerals(monkeypatch: pytest.
     )
 
 
+def test_strokes_of_numerals_are_no_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Upright strokes within the numerals aim at the pivot above and below it, and are bolder than the ticks."""
+    large = np.full((1600, 1600), 40, np.uint8)
+    for turn in np.radians(list(AROUND.values())).tolist():
+        _stroke(large, CENTRE, turn, (0.66 * RADIUS_PX, 0.74 * RADIUS_PX), 16)
+        _stroke(large, CENTRE, turn, (0.95 * RADIUS_PX, RADIUS_PX), 5)
+
+    (dial,) = found(_photographed(large, 7), printed(AROUND, off_deg=0.0), monkeypatch)
+
+    assert dial.comb.ring_px == pytest.approx((0.95 * RADIUS_PX, RADIUS_PX), abs=2.0)
+
+
+def test_what_a_whole_ring_shows_explains_more_than_a_part_of_it() -> None:
+    """An altimeter's setting between its 9 and 2: the run from 2 to 9 leaves it out, but explains no more of it."""
+    setting = [
+        Text(said, (CENTRE[0] + 74.0 * math.cos(turn), CENTRE[1] + 74.0 * math.sin(turn)), (14.0, 11.0), 0.0, 0.98)
+        for said, turn in (("30.0", -1.0), ("29.9", -1.3), ("21", -0.7), ("4", -1.9))
+    ]
+    texts = [*printed({value: angle for value, angle in AROUND.items() if value > 1}), *setting]
+
+    first = fits(seen_around(texts, DrawnPlane.square_on(CENTRE)))[0]
+
+    assert first.family is not None
+    assert first.family.name == "altimeter"
+
+
+def test_false_numbers_among_glyphs_spoil_no_scale_of_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts of turned numerals are read as other digits; the lines of text agree without them."""
+    false = [replace(text, by_glyphs=True) for text in printed({3: 150.0, 7: 175.0, 5: 205.0, 8: 240.0, 2: 290.0})]
+
+    (dial,) = found(drawn(between(EVEN, 4), EVEN.values()), [*printed(EVEN), *false], monkeypatch)
+
+    assert scale_of(dial).doubt == ""
+    assert [mark.value for mark in scale_of(dial).marks] == list(EVEN)
+
+
 @pytest.mark.parametrize("flat", [1.0, 0.85])
 def test_numerals_tell_what_they_stand_around(flat: float) -> None:
     """Square on or oblique, with the numerals of a radio beside them."""
@@ -170,6 +207,23 @@ def test_small_light_numerals_on_a_dark_ground_are_read() -> None:
     )
 
     assert light >= dark > len(NUMBERS) / 2
+
+
+@pytest.mark.skipif(not is_there(), reason="numerals are read by the extra `ocr`")
+@pytest.mark.parametrize(("ink", "ground"), [(60, 225), (190, 35)], ids=["dark", "light"])
+def test_single_digits_are_read_by_their_glyphs(ink: int, ground: int) -> None:
+    """A clock's hours, but for its lone 1, which may as well be a tick; on lines alone the recognizer finds few."""
+    picture = np.full((300, 420), ground, np.uint8)
+    for hour in range(1, 13):
+        turn = math.radians(30 * hour - 90)
+        at = round(205 + 100 * math.cos(turn)), round(155 + 100 * math.sin(turn))
+        cv2.putText(picture, str(hour), at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, 1, cv2.LINE_AA)
+    picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.6), np.uint8)
+
+    read = [text.value for text in numbers_at(picture, 2.0)]
+
+    assert set(read) <= set(range(2, 13))
+    assert len(set(read)) >= 9
 
 
 def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:

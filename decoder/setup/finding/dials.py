@@ -15,11 +15,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
 from decoder.setup.dial_edges import sampled_at
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes
 from decoder.setup.finding.marks import marked
-from decoder.setup.finding.numerals import Text, is_there, seen_at, texts_once
+from decoder.setup.finding.numerals import Text, is_there, numbers_at, readings, seen_at, texts_once
 from decoder.setup.finding.scales import LETTERS, Fit, Numeral, fits
 from decoder.setup.finding.strokes import CELL_PX, Strokes, aimed_at, peaks, strokes_in
 from decoder.setup.finding.thresholds import (
@@ -28,7 +29,6 @@ from decoder.setup.finding.thresholds import (
     ENOUGH,
     LEAST_RADIUS_PX,
     LEAST_RUN,
-    LEAST_WEIGHT,
     MOST_BEND,
     MOST_HEIGHTS,
     RAGGED_PX,
@@ -90,6 +90,11 @@ def seen_around(texts: Sequence[Text], drawn: DrawnPlane) -> list[Numeral]:
     return found
 
 
+def fits_around(texts: Sequence[Text], drawn: DrawnPlane) -> list[Fit]:
+    """List the scales that numbers around a pivot may form, in each of their readings."""
+    return [fit for reading in readings(texts) for fit in fits(seen_around(reading, drawn))]
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """A place that may be a dial's, and how far from it its marks are."""
@@ -148,8 +153,8 @@ def _same(one: FoundDial, other: FoundDial) -> bool:
 
 def _looks(page: Page, places: Sequence[tuple[XY, float]]) -> Iterator[tuple[float, XY, Fit]]:
     for place, directions in places:
-        for fit in fits(seen_around(page.texts, DrawnPlane.square_on(place))):
-            if fit.weight > LEAST_WEIGHT:
+        for fit in fits_around(page.texts, DrawnPlane.square_on(place)):
+            if fit.weight > LEAST_RUN - HALF:
                 yield fit.weight + directions / 6.0, place, fit
 
 
@@ -208,7 +213,8 @@ def amid_numerals(texts: Sequence[Text]) -> Iterator[XY]:
 def _best(
     page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats, numbered: Fit | None = None
 ) -> FoundDial | None:
-    combs = [comb_around(page.picture, page.planes, page.strokes, place, radius_px) for place, radius_px in tries]
+    strokes = page.strokes if numbered is None else _beside(page.strokes, numbered)
+    combs = [comb_around(page.picture, page.planes, strokes, place, radius_px) for place, radius_px in tries]
     if numbered is not None and not any(comb is not None and _numbered(page, comb) for comb in combs):
         combs.append(_short_comb(page, tries[0][0], numbered))
     there = [comb for comb in combs if comb is not None]
@@ -222,7 +228,14 @@ def _best(
         texts = texts_once([*texts, *face_texts(page.still, comb), *unrolled_texts(page.picture, comb)])
     column, row = (round(each / 2.0) for each in comb.rim.centre)
     there_aimed = float(aimed[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3].max(initial=0.0))
-    return FoundDial(comb, tuple(texts), tuple(fits(seen_around(texts, drawn))), there_aimed)
+    return FoundDial(comb, tuple(texts), tuple(fits_around(texts, drawn)), there_aimed)
+
+
+def _beside(strokes: Strokes, numbered: Fit) -> Strokes:
+    """Select the strokes that are not part of a numeral, or they would pass for its tick."""
+    high_px = np.array([each.height_px for each in numbered.numerals])
+    away_px = np.hypot(*(strokes.at[:, None] - np.array([each.at for each in numbered.numerals])).transpose(2, 0, 1))
+    return strokes.where((away_px > HALF * high_px).all(axis=1))
 
 
 def _short_comb(page: Page, place: XY, numbered: Fit) -> Comb | None:
@@ -242,7 +255,7 @@ def _short_comb(page: Page, place: XY, numbered: Fit) -> Comb | None:
 
 def _numbered(page: Page, comb: Comb) -> float:
     """Return the weight of the numerals that fit a comb's ticks without any doubt."""
-    scales = (marked(fit, comb) for fit in fits(seen_around(page.texts, comb.rim.drawn)))
+    scales = (marked(fit, comb) for fit in fits_around(page.texts, comb.rim.drawn))
     return max((scale.fit.weight for scale in scales if not scale.doubt), default=0.0)
 
 
@@ -252,8 +265,10 @@ def face_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
     reach = comb.ring_px[1] * 1.5
     left, top = (max(round(at - reach), 0) for at in drawn.centre)
     crop = picture[top : round(drawn.centre[1] + reach) + 1, left : round(drawn.centre[0] + reach) + 1]
-    scales = {max(across / max(crop.shape), 1.0) for across in FACE_PX}
-    return [text.shifted(left, top) for scale in sorted(scales) for text in seen_at(np.ascontiguousarray(crop), scale)]
+    crop = np.ascontiguousarray(crop)
+    scales = sorted({max(across / max(crop.shape), 1.0) for across in FACE_PX})
+    texts = [text for scale in scales for text in seen_at(crop, scale)]
+    return [text.shifted(left, top) for text in (*texts, *numbers_at(crop, scales[0]))]
 
 
 def unrolled_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
@@ -274,8 +289,9 @@ def unrolled_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:
     light[:, between] = np.median(light, axis=(1, 2), keepdims=True)
     written = np.clip(light.reshape(-1, len(line)), 0, 255).astype(np.uint8)
     found = []
-    page = cv2.copyMakeBorder(written, PAGE_EDGE, PAGE_EDGE, PAGE_EDGE, PAGE_EDGE, cv2.BORDER_REPLICATE)
-    for text in seen_at(np.asarray(page, np.uint8), 1.0):
+    edges = (PAGE_EDGE,) * 4
+    page = np.asarray(cv2.copyMakeBorder(written, *edges, cv2.BORDER_REPLICATE), np.uint8)
+    for text in (*seen_at(page, 1.0), *numbers_at(page, 1.0)):
         number, row = divmod(text.at[1] - PAGE_EDGE, len(radii))
         begin = dict(enumerate(starts)).get(int(number))
         if begin is None:

@@ -1,6 +1,8 @@
 """What is printed on a panel, read by a text recognizer whose weights come with its package; nothing is downloaded.
 
-The package is an extra. What it reads is only as good as its agreement with the marks, which `scales` checks.
+The package is an extra. Its detector finds lines of text, and misses single digits and most small print; numbers are
+therefore also looked for by their glyphs. What is read is only as good as its agreement with the marks, which `scales`
+checks.
 """
 
 from __future__ import annotations
@@ -19,18 +21,37 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.thresholds import HALF
 from decoder.panel.arrays import Floats
+from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.finding.robust import Trust, robust
-from decoder.setup.finding.thresholds import EDGE_PX, LEAST_TICKS, MOST_ROLL_DEG, SAME_PLACE, WORD_SHAPE
+from decoder.setup.finding.thresholds import (
+    EDGE_PX,
+    LEAST_TICKS,
+    MOST_BEND,
+    MOST_ROLL_DEG,
+    SAME_PLACE,
+    SURE,
+    WORD_SHAPE,
+)
 
 PACKAGES = ("rapidocr", "onnxruntime")
 EXTRA = "pip install 'image-flight-recorder[ocr]'"
 
 # The picture is read at its own size and enlarged: large letters are lost in the latter, small ones in the former.
 ENLARGED = (1.0, 2.0)
-# Print is no wider than half of this; what is wider is the ground that it is printed on.
-GROUND_PX = 31
 LIKED_PX = 740
+# Print is no wider than half of this; what is wider is the ground that it is printed on.
+PLAIN_PX = 31
+# Glyphs of these heights are told from their ground; it is the median around them, of which they cover less than half.
+GLYPH_PX = (8, 40)
+GROUND_PX = 61
+# Octaves of glyph heights that are looked for.
+OCTAVES = 2
+# The height that the recognizer was made for, and the width to which it pads what is shorter, here a digit or two.
+READ_PX = (48, 64)
+# Of a glyph's height, the margin around a number.
+MARGIN = 0.35
 # The recognizer takes 190 bytes per pixel, so it gets parts of this size, which overlap by a word.
 PART_PX, OVERLAP_PX = 1280, 192
 
@@ -58,6 +79,8 @@ class Text:
         The rotation of its line, clockwise.
     sure
         The recognizer's confidence, 0 to 1.
+    by_glyphs
+        Whether it was found by its glyphs and not as a line of text. Print that is turned makes false ones.
     """
 
     said: str
@@ -65,6 +88,7 @@ class Text:
     size_px: tuple[float, float]
     turned_deg: float
     sure: float
+    by_glyphs: bool = False
 
     @property
     def value(self) -> float | None:
@@ -117,6 +141,7 @@ def _new_engine() -> Any:  # noqa: ANN401 - of a package that may be absent
             "Global.log_level": "critical",
             "Global.use_cls": False,
             "EngineConfig.onnxruntime.intra_op_num_threads": 1,
+            "Rec.rec_img_shape": [3, *READ_PX],
         }
     )
 
@@ -130,7 +155,7 @@ def seen_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
     level = int(np.median(shown))
     shown = cv2.copyMakeBorder(shown, more[0], more[0], more[1], more[1], cv2.BORDER_CONSTANT, value=level)
     with _engine() as engine:
-        found = engine(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
+        found = engine(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR), use_det=True, use_rec=True)
     if found.boxes is None:
         return []
     return [
@@ -145,8 +170,99 @@ def seen_enlarged(picture: NDArray[np.uint8], scale: float) -> list[Text]:
     The recognizer has learned from dark print on paper, and misses half of the small light print on dark dials. So all
     print is made dark on a light ground.
     """
-    ground = cv2.medianBlur(picture, GROUND_PX)
+    ground = cv2.medianBlur(picture, PLAIN_PX)
     return seen_at(np.asarray(255 - cv2.absdiff(picture, ground), np.uint8), scale)
+
+
+def numbers_at(picture: NDArray[np.uint8], scale: float) -> list[Text]:
+    """Read the numbers, and single letters, of an enlarged picture: each row of glyphs by itself.
+
+    Dark and light glyphs are looked for, in the enlarged picture and in half of that.
+    """
+    found = []
+    for octave in range(OCTAVES):
+        by = scale / 2**octave
+        shown = cv2.resize(picture, None, fx=by, fy=by, interpolation=cv2.INTER_CUBIC if by > 1 else cv2.INTER_AREA)
+        for dark in (shown, 255 - shown):
+            for row in _rows(_glyphs(np.asarray(dark, np.uint8))):
+                text = _read_row(np.asarray(dark, np.uint8), row, by)
+                if text is not None and _is_number(text):
+                    found.append(text)
+    return found
+
+
+def _is_number(text: Text) -> bool:
+    """Whether a row of glyphs is a number or a compass's letter for certain; a lone 1 may as well be a tick."""
+    is_said = text.value is not None or len(text.said) == 1
+    return text.sure > SURE and is_said and text.value != 1
+
+
+def _glyphs(dark: NDArray[np.uint8]) -> Floats:
+    """(N, 4): left, top, width and height of what may be dark glyphs, px."""
+    below = cv2.subtract(cv2.medianBlur(dark, GROUND_PX), dark)
+    spread = np.sqrt(cv2.boxFilter(np.square(below, dtype=np.float32), -1, (GROUND_PX, GROUND_PX)))
+    inked = below > np.maximum(2 * NOISE_LEVELS, spread)
+    _, _, stats, _ = cv2.connectedComponentsWithStats(inked.astype(np.uint8))
+    boxes: Floats = stats[1:, :4].astype(np.float64)
+    low, high = GLYPH_PX
+    fit = (boxes[:, 3] >= low) & (boxes[:, 3] <= high) & (boxes[:, 2] <= WORD_SHAPE * boxes[:, 3])
+    return boxes[fit]
+
+
+def _rows(glyphs: Floats) -> Iterator[Floats]:
+    """Yield glyphs of about one height that stand side by side, from left to right."""
+    left, top, wide, high = glyphs.T
+    middle = top + high / 2
+    bigger, smaller = np.maximum(high[:, None], high), np.minimum(high[:, None], high)
+    gap = left - (left + wide)[:, None]
+    # The next one may begin a little before the last has ended, as in slanted print.
+    follows = (left > left[:, None]) & (np.abs(gap) <= HALF * bigger) & (bigger <= MOST_BEND * smaller)
+    follows &= np.abs(middle - middle[:, None]) <= HALF * smaller
+    nearest = np.where(follows, np.abs(gap), np.inf)
+    after = {int(one): int(nearest[one].argmin()) for one in np.flatnonzero(follows.any(axis=1))}
+    after = {one: other for one, other in after.items() if int(nearest[:, other].argmin()) == one}
+    for first in sorted(set(range(len(glyphs))) - set(after.values())):
+        row = [first]
+        while row[-1] in after:
+            row.append(after[row[-1]])
+        yield glyphs[row]
+
+
+def _read_row(dark: NDArray[np.uint8], row: Floats, scale: float) -> Text | None:
+    """Read a row of dark glyphs; None where it says nothing."""
+    ends = row[:, 0], row[:, 0] + row[:, 2]
+    x, y = (ends[0] + ends[1]) / 2, row[:, 1] + row[:, 3] / 2
+    slope = float(np.polyfit(x, y, 1)[0]) if len(row) > 1 else 0.0
+    turn, high = math.atan(slope), float(np.median(row[:, 3]))
+    middle = np.array([(ends[0].min() + ends[1].max()) / 2, float(y.mean())])
+    along = float(ends[1].max() - ends[0].min()) + 2 * MARGIN * high
+    across = high + 2 * MARGIN * high
+    by = READ_PX[0] / across
+    turned = by * np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    size = max(round(along * by), 1), READ_PX[0]
+    onto = np.array([size[0] / 2, size[1] / 2]) - turned @ middle
+    line = cv2.warpAffine(
+        dark, np.hstack([turned, onto[:, None]]), size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+    )
+    with _engine() as engine:
+        found = engine(cv2.cvtColor(line, cv2.COLOR_GRAY2BGR), use_det=False, use_rec=True)
+    if not found.txts or not found.txts[0]:
+        return None
+    x, y = (middle / scale - 0.5).tolist()
+    return Text(
+        found.txts[0],
+        (x, y),
+        (along / scale, across / scale),
+        math.degrees(turn),
+        float(found.scores[0]),
+        by_glyphs=True,
+    )
+
+
+def readings(texts: Sequence[Text]) -> list[Sequence[Text]]:
+    """Return what may be read at a place: lines of text alone, and with the numbers that were found by their glyphs."""
+    lines = [text for text in texts if not text.by_glyphs]
+    return [lines] if len(lines) == len(texts) else [lines, texts]
 
 
 def _text(box: Floats, said: str, sure: float, scale: float) -> Text:
@@ -183,8 +299,11 @@ def texts_in(picture: NDArray[np.uint8], part: Part) -> list[Text]:
     """Read a part of a grey picture, (H, W), dropping texts at its edges, which other parts contain."""
     own = np.ascontiguousarray(picture[part.top : part.bottom, part.left : part.right])
     beyond = part.top, part.left, part.bottom < picture.shape[0], part.right < picture.shape[1]
-    seen = seen_at if part.scale == 1 else seen_enlarged
-    return [text.shifted(part.left, part.top) for text in seen(own, part.scale) if not _is_cut(text, own, beyond)]
+    if part.scale == 1:
+        texts = seen_at(own, part.scale)
+    else:
+        texts = [*seen_enlarged(own, part.scale), *numbers_at(own, part.scale)]
+    return [text.shifted(part.left, part.top) for text in texts if not _is_cut(text, own, beyond)]
 
 
 def _parts(length: int, scale: float) -> list[tuple[int, int]]:
@@ -211,10 +330,10 @@ def _is_cut(text: Text, part: NDArray[np.uint8], beyond: tuple[float, float, boo
 
 
 def texts_once(found: Sequence[Text]) -> list[Text]:
-    """Keep one reading of each place: a number rather than words, and the most confident."""
+    """Keep one reading of each place: a line rather than its glyphs, a number rather than words, the most confident."""
     kept: list[Text] = []
-    for text in sorted(found, key=lambda each: (each.value is None, -each.sure)):
-        if not any(_overlap(text, other) for other in kept):
+    for text in sorted(found, key=lambda each: (each.by_glyphs, each.value is None, -each.sure)):
+        if not any(_overlap(text, other) or (text.by_glyphs and _covers(other, text)) for other in kept):
             kept.append(text)
     return kept
 
@@ -223,6 +342,14 @@ def _overlap(one: Text, other: Text) -> bool:
     near = SAME_PLACE * min(one.size_px[1], other.size_px[1])
     dx, dy = abs(one.at[0] - other.at[0]), abs(one.at[1] - other.at[1])
     return dy < near and dx < max(near, (one.size_px[0] + other.size_px[0]) / 2 * SAME_PLACE)
+
+
+def _covers(text: Text, number: Text) -> bool:
+    """Whether a number lies within a text of about its height; the recognizer may take a whole dial for one letter."""
+    if text.size_px[1] > MOST_BEND * number.size_px[1]:
+        return False
+    away = np.abs(np.subtract(text.at, number.at))
+    return bool((away < np.array(text.size_px) / 2).all())
 
 
 def level_deg(texts: Sequence[Text], at: tuple[float, float], size_px: tuple[int, ...]) -> float | None:

@@ -17,14 +17,13 @@ from decoder.panel.arrays import Floats
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
 from decoder.setup.drawn_plane import DrawnPlane, Planes
-from decoder.setup.finding.dials import FoundDial, seen_around
+from decoder.setup.finding.dials import FoundDial, fits_around
 from decoder.setup.finding.geared import GEARED, Face, Geared, GearedDraft, geared_drafts
 from decoder.setup.finding.hands import turning, what_is_not_told
 from decoder.setup.finding.legends import Legend, legend_of
 from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.motion import turned_deg
 from decoder.setup.finding.numerals import Text, is_there, level_deg
-from decoder.setup.finding.scales import fits
 from decoder.setup.finding.thresholds import LEAST_RUN, OFF_DEG
 from decoder.setup.finding.ticks import comb_about, shaped
 from decoder.setup.proposals import Dial, Pictures, Proposal, proposed
@@ -178,7 +177,7 @@ def _scale(dial: FoundDial) -> Marked | None:
     inner_px, outer_px = dial.comb.ring_px
     found = [
         marked(fit, dial.comb)
-        for fit in fits(seen_around(dial.texts, dial.comb.rim.drawn))
+        for fit in fits_around(dial.texts, dial.comb.rim.drawn)
         if 0.6 * inner_px < fit.radius_px < 1.5 * outer_px
     ]
     return max(found, key=lambda each: (not each.doubt, each.fit.weight), default=None)

@@ -111,13 +111,18 @@ def fits(numerals: Sequence[Numeral]) -> list[Fit]:
         here = [fit for fit in (*_full(ring), *_runs(ring)) if fit is not None]
         here = [fit for fit in here if not _is_straight(fit)]
         if here:
-            found.append(max(here, key=lambda fit: fit.weight * (1.5 if fit.family is not None else 1.0)))
+            found.append(max(here, key=_explained))
     found.sort(key=lambda fit: -fit.weight)
     kept: list[Fit] = []
     for fit in found:
         if not any(set(fit.numerals) & set(other.numerals) for other in kept):
             kept.append(fit)
     return kept
+
+
+def _explained(fit: Fit) -> float:
+    """How much of its ring a scale explains; numbers that it does not explain count against it wherever they are."""
+    return (fit.weight - STRANGER * len(fit.beyond)) * (1.5 if fit.family is not None else 1.0)
 
 
 def _is_straight(fit: Fit) -> bool:

@@ -7,13 +7,13 @@ Sources are pictures by others: simulators' cockpits, instruments of npm package
 | ALIKE | 0.75 | - | part of a word's letters found in order in a legend's word | with half of its letters hidden it is no word |
 | LEAST_LETTERS | 4 | letters | shorter words are compared as a whole | words of three letters are often alike |
 | SAME_PLACE | 0.6 | of a text's height | readings nearer together are of one text | its neighbour is a text's height away |
+| SURE | 0.8 | - | least confidence in a number found by its glyphs | ticks read as 1 have less, most of them |
 | RING_PART | 0.17 | of their distance | of the distance: spread of one ring's numerals around the middle one | boxes of three digits around small dials |
 | MOST_BEND | 1.65 | - | largest ratio of the turns per unit from numeral to numeral; also of the heights of one ring's numerals | an airspeed indicator has 1.3 |
 | MOST_TURN_DEG | 200.0 | degrees | largest turn between two numerals of one scale | a half turn, plus numerals not read |
 | NEAR_DEG | 7.0 | degrees | largest distance of a numeral from its mark or its place | wide numerals above small dials |
 | OFF_DEG | 1.5 | degrees | largest distance of a mark of an even scale from its place | half the spacing of fine ticks |
 | LEAST_RUN | 3 | numerals | fewer may be in order by chance | two always are |
-| LEAST_WEIGHT | 2.5 | numerals | read with certainty, for a place to be examined | nearly three |
 | ENOUGH | 4 | numerals | that have marks of their own establish a scale | three in a row occur among radios' digits |
 | LEAST_PX | 2.5 | px | a shorter stroke has no direction | one pixel to the side, at twice the scale, is 10 degrees |
 | MOST_PX | 60.0 | px | a longer stroke is a frame | the longest ticks of a large dial |
@@ -45,13 +45,13 @@ from __future__ import annotations
 ALIKE = 0.75
 LEAST_LETTERS = 4
 SAME_PLACE = 0.6
+SURE = 0.8
 RING_PART = 0.17
 MOST_BEND = 1.65
 MOST_TURN_DEG = 200.0
 NEAR_DEG = 7.0
 OFF_DEG = 1.5
 LEAST_RUN = 3
-LEAST_WEIGHT = 2.5
 ENOUGH = 4
 LEAST_PX = 2.5
 MOST_PX = 60.0
