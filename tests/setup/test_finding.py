@@ -226,6 +226,18 @@ def test_single_digits_are_read_by_their_glyphs(ink: int, ground: int) -> None:
     assert len(set(read)) >= 9
 
 
+@pytest.mark.skipif(not is_there(), reason="numerals are read by the extra `ocr`")
+@pytest.mark.parametrize("blur_px", [0.0, 2.5])
+def test_noise_has_no_glyphs(blur_px: float) -> None:
+    """A dark panel at high sensitivity, or a textured one, would keep the recognizer busy for minutes."""
+    grain = np.random.default_rng(1).normal(128, 40 * (1.0 + 2.0 * blur_px), (300, 300))
+    picture = np.asarray(grain.clip(0, 255), np.uint8)
+    if blur_px:
+        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), blur_px), np.uint8)
+
+    assert numbers_at(picture, 2.0) == []
+
+
 def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Seen from 25 degrees above, its angles are those of the dial seen square on."""
     flat = math.cos(math.radians(25))

@@ -21,7 +21,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
+from decoder.matching.thresholds import OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.finding.robust import Trust, robust
@@ -199,9 +201,11 @@ def _is_number(text: Text) -> bool:
 
 def _glyphs(dark: NDArray[np.uint8]) -> Floats:
     """(N, 4): left, top, width and height of what may be dark glyphs, px."""
-    below = cv2.subtract(cv2.medianBlur(dark, GROUND_PX), dark)
+    ground = cv2.medianBlur(dark, GROUND_PX)
+    below = cv2.subtract(ground, dark)
     spread = np.sqrt(cv2.boxFilter(np.square(below, dtype=np.float32), -1, (GROUND_PX, GROUND_PX)))
-    inked = below > np.maximum(2 * NOISE_LEVELS, spread)
+    noise = MAD_TO_SIGMA * float(np.median(cv2.absdiff(ground, dark)))
+    inked = below > np.maximum(max(2 * NOISE_LEVELS, OUTLIER_SPREADS * noise), spread)
     _, _, stats, _ = cv2.connectedComponentsWithStats(inked.astype(np.uint8))
     boxes: Floats = stats[1:, :4].astype(np.float64)
     low, high = GLYPH_PX
