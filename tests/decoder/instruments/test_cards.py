@@ -143,9 +143,9 @@ def test_squeeze_is_found_around_a_centre_that_is_drawn_off_the_pivot(
     assert np.allclose(found.matrix, squeeze.matrix, atol=0.005)
 
 
-@pytest.mark.parametrize("squeeze", [Squeeze(0.02, 0.01), Squeeze(0.01, -0.06)], ids=str)
-def test_card_seen_from_aside_is_squared_up_and_read(squeeze: Squeeze) -> None:
+def test_card_seen_from_aside_is_squared_up_and_read() -> None:
     """Drawn as if seen square on, it shows its marks out of step as it turns; nothing else is known of the view."""
+    squeeze = Squeeze(0.01, -0.06)
     first, opposite = CARD["scale"]
     card = CARD | {
         "scale": [[appears_deg(angle_deg, squeeze), value] for angle_deg, value in (first, opposite)],
@@ -246,9 +246,9 @@ def test_marks_over_a_card_at_regular_distances_are_not_taken_for_its_own() -> N
         assert score > 0.95  # with the wedges on the card it does not match wherever they are not
 
 
-@pytest.mark.parametrize("turn_deg", [100.0, 280.0])
-def test_card_under_more_than_it_shows_is_not_guessed(turn_deg: float) -> None:
+def test_card_under_more_than_it_shows_is_not_guessed() -> None:
     """Most of the picture stands still and the flight has only two turns: no false heading is read."""
+    turn_deg = 280.0
 
     def over(canvas: Canvas) -> None:
         canvas.bar(20, (-60, 60), (9, 9), 220)
@@ -317,13 +317,13 @@ def check_settings(settings_deg: Sequence[float], beside_px: tuple[float, float]
         assert off < 0.5
 
 
-@pytest.mark.parametrize("beside_px", [(0.7, -0.6), (2.0, 2.0), (-4.0, 3.0)], ids=["1 %", "4 %", "7 %"])
+@pytest.mark.parametrize("beside_px", [(0.7, -0.6), (-4.0, 3.0)], ids=["1 %", "7 %"])
 def test_card_that_is_set_to_few_places_is_read_around_its_own_pivot(beside_px: tuple[float, float]) -> None:
     """A course selector stands at three places in a flight; that its centre is drawn beside its pivot costs nothing."""
     check_settings((40.0, 345.0, 205.0), beside_px, 34)
 
 
-@pytest.mark.parametrize("beside_px", [(-1.2, 1.7), (2.0, 2.0), (-4.0, 3.0)], ids=["3 %", "4 %", "7 %"])
+@pytest.mark.parametrize("beside_px", [(-1.2, 1.7), (-4.0, 3.0)], ids=["3 %", "7 %"])
 def test_marks_that_match_other_marks_do_not_hide_that_the_centre_is_beside_the_pivot(
     beside_px: tuple[float, float],
 ) -> None:
@@ -331,8 +331,14 @@ def test_marks_that_match_other_marks_do_not_hide_that_the_centre_is_beside_the_
     check_settings((40.0, 220.0, 140.0), beside_px, 42)
 
 
-@pytest.mark.parametrize("beside_px", [(0.7, -0.6), (-1.2, 1.7)], ids=["1 %", "3 %"])
-@pytest.mark.parametrize("settings_deg", [(40.0, 345.0, 205.0), (255.0, 145.0, 355.0, 225.0), (180.0, 270.0, 150.0)])
+@pytest.mark.parametrize(
+    ("settings_deg", "beside_px"),
+    [
+        ((40.0, 345.0, 205.0), (-1.2, 1.7)),
+        ((255.0, 145.0, 355.0, 225.0), (0.7, -0.6)),
+        ((180.0, 270.0, 150.0), (0.7, -0.6)),
+    ],
+)
 def test_ring_of_little_but_marks_is_never_read_a_numeral_off(
     settings_deg: tuple[float, ...], beside_px: tuple[float, float]
 ) -> None:
@@ -365,7 +371,7 @@ def draw_arc(turn_deg: float, seed: int = 0) -> GreyPicture:
     return paint(what, seed=seed)
 
 
-@pytest.mark.parametrize("off_px", [(0.0, 0.0), (1.5, -1.5), (-1.0, 2.0)], ids=["centred", "right", "below"])
+@pytest.mark.parametrize("off_px", [(0.0, 0.0), (-1.0, 2.0)], ids=["centred", "below"])
 def test_card_of_which_an_arc_shows_is_never_read_a_numeral_off(off_px: tuple[float, float]) -> None:
     """Its regular marks were taken for each other, and its numerals had no weight since they fitted at no turn."""
     x, y = CENTRE

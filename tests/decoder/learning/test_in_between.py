@@ -14,20 +14,19 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.panel.arrays import Floats
 from tests.programs import ran
 
-WINDOW = (150, 40, 70, 200)
+WINDOW = (150, 40, 70, 120)
 """Left, top, width and height, px."""
-INDEX_PX = 140.0
+INDEX_PX = 100.0
 PX_PER_FT, NUMERALS_FT, FINER = 4.0, 10, 8
 FIRST_FT = 1000.0
-CLIMB_FT = FIRST_FT + 5.7 * np.arange(80)
 # Back and forth, so that in the sample a place looks like another before its own is known.
-WAVES_FT = FIRST_FT + 60.0 * np.sin(np.arange(120) / 14) + 1.5 * np.arange(120)
+WAVES_FT = FIRST_FT + 36.0 * np.sin(np.arange(72) / 8.4) + 1.5 * np.arange(72)
 # Put elsewhere at once, as a simulator's flight is: 1028 ft and 1828 ft differ in one digit.
-JUMPS_FT = np.concatenate([FIRST_FT + 5.0 * np.arange(60), 1826.0 + 2.3 * np.arange(20), 2020.0 + 2.3 * np.arange(20)])
+JUMPS_FT = np.concatenate([FIRST_FT + 3.0 * np.arange(60), 1826.0 + 1.4 * np.arange(20), 2020.0 + 1.4 * np.arange(20)])
 
 
 def drawn(altitude_ft: float, seed: int) -> GreyPicture:
-    """A panel with an altitude tape of 50 ft behind its window, and print beside it."""
+    """A panel with an altitude tape of 30 ft behind its window, and print beside it."""
     picture = np.full((280, 360), 90, np.uint8)
     print_ = np.random.default_rng(5)
     for _ in range(60):
@@ -50,7 +49,7 @@ def drawn(altitude_ft: float, seed: int) -> GreyPicture:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flown_ft", [CLIMB_FT, WAVES_FT, JUMPS_FT], ids=["climb", "waves", "jumps"])
+@pytest.mark.parametrize("flown_ft", [WAVES_FT, JUMPS_FT], ids=["waves", "jumps"])
 def test_tape_that_moves_on_by_more_than_half_its_window_between_sampled_frames_is_read(
     tmp_path: Path, flown_ft: Floats
 ) -> None:
@@ -65,7 +64,7 @@ def test_tape_that_moves_on_by_more_than_half_its_window_between_sampled_frames_
         cv2.imwrite(str(pictures / f"{number:03d}.png"), drawn(altitude_ft, number))
     left, top, width, height = WINDOW
     corners = [[left, top], [left + width, top], [left + width, top + height], [left, top + height]]
-    marks = [[INDEX_PX + step * NUMERALS_FT * PX_PER_FT, FIRST_FT - step * NUMERALS_FT] for step in (-2, -1, 0, 1, 2)]
+    marks = [[INDEX_PX + step * NUMERALS_FT * PX_PER_FT, FIRST_FT - step * NUMERALS_FT] for step in (-1, 0, 1)]
     panel = {
         "name": "climb",
         "picture": "climb/000.png",
