@@ -24,12 +24,6 @@ PICTURE = re.compile("^data:image/jpeg")
 
 
 @pytest.fixture
-def opened(start: Start, tmp_path: Path) -> Running:
-    """A page with the flight's own panel."""
-    return start(panel=None, save_as=tmp_path / "saved" / "panel.yaml")
-
-
-@pytest.fixture
 def of_picture(start: Start, tmp_path: Path) -> Running:
     """A page with that panel on its own picture alone, which is tried at once however often something changes."""
     return start(FIXTURES / "panel.jpg", FIXTURES / "panel.yaml", tmp_path / "saved" / "panel.yaml")
@@ -97,27 +91,27 @@ def test_what_is_no_number_is_drawn_nowhere(of_picture: Running, open_page: Open
     expect(page.locator("#picture .gauge")).to_have_count(6)
 
 
-def test_two_tabs_do_not_overwrite_each_other(opened: Running, open_page: OpenPage) -> None:
+def test_two_tabs_do_not_overwrite_each_other(of_picture: Running, open_page: OpenPage) -> None:
     """The second tab to save is told, and may load the other's, or save over it when asked to."""
-    one, other = open_page(opened), open_page(opened)
+    one, other = open_page(of_picture), open_page(of_picture)
     Hand(one).type_into("name", "first")
     Hand(one).save()
     Hand(other).type_into("name", "second")
     other.locator("#save").click()
     expect(other.locator("#banner")).to_contain_text("saved from somewhere else")
-    assert drawn(opened)["name"] == "first"
+    assert drawn(of_picture)["name"] == "first"
 
     other.locator("#loadtheirs").click()
     expect(other.locator('[id="f:name"]')).to_have_value("first")
     Hand(other).type_into("name", "third")
     Hand(other).save()
-    assert drawn(opened)["name"] == "third"
+    assert drawn(of_picture)["name"] == "third"
 
     Hand(one).type_into("name", "fourth")
     one.locator("#save").click()
     one.locator("#saveover").click()
     expect(one.locator("#banner")).to_contain_text("Saved to")
-    assert drawn(opened)["name"] == "fourth"
+    assert drawn(of_picture)["name"] == "fourth"
 
 
 def test_panel_of_somebody_else_is_replaced_only_when_asked(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
@@ -125,7 +119,7 @@ def test_panel_of_somebody_else_is_replaced_only_when_asked(start: Start, open_p
     target = tmp_path / "theirs" / "panel.yaml"
     target.parent.mkdir()
     target.write_text("name: theirs\n", encoding="utf-8")
-    running = start(panel=None, save_as=target)
+    running = start(FIXTURES / "panel.jpg", FIXTURES / "panel.yaml", target)
     page = open_page(running)
     Hand(page).type_into("name", "mine")
     page.locator("#save").click()
@@ -144,17 +138,15 @@ def test_panel_of_somebody_else_is_replaced_only_when_asked(start: Start, open_p
     assert drawn(running)["name"] == "mine still"
 
 
-def test_lost_server_is_said_and_the_next_one_goes_on(
-    start: Start, opened: Running, open_page: OpenPage, tmp_path: Path
-) -> None:
+def test_lost_server_is_said_and_the_next_one_goes_on(start: Start, of_picture: Running, open_page: OpenPage) -> None:
     """When the program has ended the page says so; started again it has what was drawn, and saving drops the draft."""
-    page = open_page(opened, quiet=False)
+    page = open_page(of_picture, quiet=False)
     before = page.locator('[id="f:name"]').input_value()
     with page.expect_response(
         lambda answer: answer.url.endswith("/check") and "not lost" in (answer.request.post_data or "")
     ):
         Hand(page).type_into("name", "not lost")
-    opened.stop()
+    of_picture.stop()
 
     expect(page.locator("#banner")).to_contain_text("The program has ended")
     expect(page.locator("#save")).to_be_disabled()
@@ -163,7 +155,7 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
     expect(page.locator("#banner")).to_contain_text("The program has ended")
     expect(page.locator('[id="f:name"]')).to_have_value("not lost")
 
-    again = start(panel=None, save_as=tmp_path / "saved" / "panel.yaml")
+    again = start(FIXTURES / "panel.jpg", FIXTURES / "panel.yaml", of_picture.session.target)
     page = open_page(again)
     expect(page.locator("#banner")).to_contain_text("Continuing with earlier work")
     expect(page.locator('[id="f:name"]')).to_have_value("not lost")
@@ -174,9 +166,9 @@ def test_lost_server_is_said_and_the_next_one_goes_on(
     assert [path.name for path in again.session.target.parent.glob(".*")] == []
 
 
-def test_trials_go_on_once_the_program_answers_again(opened: Running, open_page: OpenPage) -> None:
+def test_trials_go_on_once_the_program_answers_again(of_picture: Running, open_page: OpenPage) -> None:
     """A gauge whose trial was cut off by a broken connection is tried again when the page next gets an answer."""
-    page = open_page(opened, quiet=False)
+    page = open_page(of_picture, quiet=False)
     broken: list[str] = []
 
     def break_once(route: Route) -> None:
@@ -438,8 +430,7 @@ def test_oblique_rim_is_bent_by_clicks_and_keys(start: Start, open_page: OpenPag
     expect(points).to_have_count(8)
 
 
-@pytest.mark.parametrize("name", ["Select rim point 3", "Remove n1", "n1 !"])
-def test_redrawn_page_leaves_the_focus_on_a_button(name: str, start: Start, open_page: OpenPage) -> None:
+def test_redrawn_page_leaves_the_focus_on_a_button(start: Start, open_page: OpenPage) -> None:
     """A trial's answer redraws inspector and outline at any moment: Enter still presses the button that was chosen."""
     page = open_page(start(OBLIQUE / "panel.jpg"))
     hand = Hand(page)
@@ -448,14 +439,15 @@ def test_redrawn_page_leaves_the_focus_on_a_button(name: str, start: Start, open
         hand.click(place)
     hand.type_into("gauges[0].name", "n1")
     page.locator("summary", has_text="8 points").click()
-    button = page.get_by_role("button", name=name, exact=True)
-    button.focus()
-    old = button.element_handle()
-    page.locator('[id="f:gauges[0].unit"]').evaluate(
-        "each => { each.value = 'kt'; each.dispatchEvent(new Event('change', { bubbles: true })); }"
-    )
-    page.wait_for_function("each => !each.isConnected", arg=old)
-    expect(button).to_be_focused()
+    for unit, name in (("kt", "Select rim point 3"), ("lb", "Remove n1"), ("ft", "n1 !")):
+        button = page.get_by_role("button", name=name, exact=True)
+        button.focus()
+        old = button.element_handle()
+        page.locator('[id="f:gauges[0].unit"]').evaluate(
+            "(each, unit) => { each.value = unit; each.dispatchEvent(new Event('change', { bubbles: true })); }", unit
+        )
+        page.wait_for_function("each => !each.isConnected", arg=old)
+        expect(button).to_be_focused()
 
 
 def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
@@ -573,9 +565,9 @@ def test_a_card_under_needles_has_its_fields(start: Start, open_page: OpenPage, 
     expect(page.locator('[id="f:gauges[0].needles[0].name"]')).to_be_visible()
 
 
-def test_a_ball_is_drawn_by_its_way(opened: Running, open_page: OpenPage) -> None:
+def test_a_ball_is_drawn_by_its_way(of_picture: Running, open_page: OpenPage) -> None:
     """A dial that becomes a ball needs no marks: three places of its way are typed, shown again, and saved."""
-    page = open_page(opened)
+    page = open_page(of_picture)
     hand = Hand(page)
     page.locator("#outline li button", has_text="n1").click()
 
@@ -586,7 +578,7 @@ def test_a_ball_is_drawn_by_its_way(opened: Running, open_page: OpenPage) -> Non
     expect(page.locator("#inspector .problem")).to_have_count(0)
     hand.save()
 
-    ball = drawn(opened)["gauges"][0]["ball"]
+    ball = drawn(of_picture)["gauges"][0]["ball"]
     assert ball["tube"] == [[80, 90, -1], [120, 96, 0], [160, 90, 1]]
     assert ball["width"] == 12
 
