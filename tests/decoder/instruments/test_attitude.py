@@ -198,8 +198,9 @@ def test_it_is_read_at_any_bank_and_inverted(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("window_px", "ring_px", "rim_px"), [(44, 46, 60), (40, 44, 52), (46, 47, 56)])
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize(
+    ("window_px", "ring_px", "rim_px", "seed"), [(44, 46, 60, 3), (40, 44, 52, 4), (46, 47, 56, 3)]
+)
 def test_a_ring_that_is_none_is_left_out(window_px: int, ring_px: int, rim_px: int, seed: int) -> None:
     """Where sky and ground move on what was drawn as a ring, bank is read from the horizon alone, and it is said."""
     described_ = described(ring=True) | {"radius": [4, rim_px]}
@@ -324,7 +325,7 @@ def test_a_ball_that_looks_the_same_upside_down_tells_no_bank() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", [0.3, 0.1, 0.05, 0.0])
+@pytest.mark.parametrize("part", [0.1, 0.0])
 def test_sky_hardly_brighter_than_the_ground_is_never_taken_for_it(part: float) -> None:
     """A blue sky is no brighter than brown ground: what is the same upside down, or may be where unseen, is missing."""
     sky = GROUND + part * (SKY - GROUND)
@@ -339,7 +340,7 @@ def test_sky_hardly_brighter_than_the_ground_is_never_taken_for_it(part: float) 
             assert apart(found["roll_deg"], roll_deg) < 1.0
             assert abs(found["pitch_deg"] - pitch_deg) < 1.0
             told += 1
-    assert told >= {0.3: 24, 0.0: 0}.get(part, 10)
+    assert told >= 100 * part
 
 
 def test_the_frames_beside_it_change_nothing(reader: PanelReader, ring: bool) -> None:  # noqa: FBT001
