@@ -464,6 +464,7 @@ def screen(roll_deg: float, pitch_deg: float, grid: PolarGrid, seed: int) -> Flo
     return np.asarray(levels + noise, np.float32)
 
 
+@pytest.mark.slow
 def test_thin_lines_on_a_large_dial_are_found_between_the_steps_of_the_search() -> None:
     """Half of the frames had been missing, and one was `read` ten degrees off, where the next line is."""
     ladder = [[deg * SCREEN_DEG_PX, deg] for deg in (-10, -5, 0, 5, 10)]

@@ -143,6 +143,7 @@ def test_squeeze_is_found_around_a_centre_that_is_drawn_off_the_pivot(
     assert np.allclose(found.matrix, squeeze.matrix, atol=0.005)
 
 
+@pytest.mark.slow
 def test_card_seen_from_aside_is_squared_up_and_read() -> None:
     """Drawn as if seen square on, it shows its marks out of step as it turns; nothing else is known of the view."""
     squeeze = Squeeze(0.01, -0.06)
@@ -182,6 +183,7 @@ def draw_letters(turn_deg: float, seed: int) -> GreyPicture:
     return paint(what, seed=seed)
 
 
+@pytest.mark.slow
 def test_card_seen_from_aside_is_not_read_around_a_point_far_off_its_pivot() -> None:
     """On an ellipse, letters match themselves better around some point far off, and some turns only around that."""
     squeeze, turns_deg = Squeeze(0.03, 0.035), [0.0, -20.0, -45.0, 20.0, 40.0, -60.0, 60.0, -80.0]
@@ -202,6 +204,7 @@ def test_card_seen_from_aside_is_not_read_around_a_point_far_off_its_pivot() -> 
         assert apart(float(value), heading_of(turn_deg)) < 0.3
 
 
+@pytest.mark.slow
 def test_card_seen_from_aside_is_read_though_its_bug_stays_lost() -> None:
     """What squares up a card is not held against a bug that only the panel picture shows."""
     squeeze = Squeeze(-0.03, 0.02)
@@ -246,6 +249,7 @@ def test_marks_over_a_card_at_regular_distances_are_not_taken_for_its_own() -> N
         assert score > 0.95  # with the wedges on the card it does not match wherever they are not
 
 
+@pytest.mark.slow
 def test_card_under_more_than_it_shows_is_not_guessed() -> None:
     """Most of the picture stands still and the flight has only two turns: no false heading is read."""
     turn_deg = 280.0
@@ -317,12 +321,14 @@ def check_settings(settings_deg: Sequence[float], beside_px: tuple[float, float]
         assert off < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside_px", [(0.7, -0.6), (-4.0, 3.0)], ids=["1 %", "7 %"])
 def test_card_that_is_set_to_few_places_is_read_around_its_own_pivot(beside_px: tuple[float, float]) -> None:
     """A course selector stands at three places in a flight; that its centre is drawn beside its pivot costs nothing."""
     check_settings((40.0, 345.0, 205.0), beside_px, 34)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside_px", [(-1.2, 1.7), (-4.0, 3.0)], ids=["3 %", "7 %"])
 def test_marks_that_match_other_marks_do_not_hide_that_the_centre_is_beside_the_pivot(
     beside_px: tuple[float, float],
@@ -331,6 +337,7 @@ def test_marks_that_match_other_marks_do_not_hide_that_the_centre_is_beside_the_
     check_settings((40.0, 220.0, 140.0), beside_px, 42)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings_deg", "beside_px"),
     [
@@ -371,6 +378,7 @@ def draw_arc(turn_deg: float, seed: int = 0) -> GreyPicture:
     return paint(what, seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off_px", [(0.0, 0.0), (-1.0, 2.0)], ids=["centred", "below"])
 def test_card_of_which_an_arc_shows_is_never_read_a_numeral_off(off_px: tuple[float, float]) -> None:
     """Its regular marks were taken for each other, and its numerals had no weight since they fitted at no turn."""
@@ -491,6 +499,7 @@ def draw_points(turn_deg: float, seed: int, *, squeeze: float = 1.0) -> GreyPict
 MOSTLY_STRAIGHT_AHEAD_DEG = [*8 * [0.0], 6.0, 20.0, -9.0, 33.0, 50.0, 77.0, 30.0, 38.0]
 
 
+@pytest.mark.slow
 def test_rose_is_never_read_a_point_off() -> None:
     """Seen obliquely, and drawn around a point beside its pivot, it matches best at the point nearest the panel's."""
     squeeze = 0.94

@@ -230,6 +230,7 @@ def test_pointer_is_read_on_the_dial_and_on_the_card(
     assert is_honest(track, CARD["scale"], truth + heading_of(turn_deg))
 
 
+@pytest.mark.slow
 def test_pointer_seen_from_aside_is_never_read_for_its_reverse() -> None:
     """Above its card it turns about another point than the card, so that it resembles its reverse by where it lies."""
     raised = Hand(tip=56.0, tail=50.0, root_half=1.6, tail_half=1.2, centre=(CENTRE[0] + 1.2, CENTRE[1] - 1.6))
@@ -291,6 +292,7 @@ def test_frames_together_tell_the_tip_of_a_pointer_that_is_drawn_over_a_numeral(
     assert max(off_deg) < 1.0
 
 
+@pytest.mark.slow
 def test_card_whose_pointer_is_never_found_is_not_read_a_numeral_off() -> None:
     """Around a centre drawn a fifth of the radius off, what turned may be the pointer, taken for a part of the card."""
     x, y = CENTRE

@@ -151,6 +151,7 @@ def test_marks_are_taken_to_be_drawn_as_carelessly_as_centres() -> None:
     assert careless.drawn_deg > 2 * careful.drawn_deg
 
 
+@pytest.mark.slow
 def test_card_is_read_however_its_centre_is_drawn() -> None:
     """Eight hundredths of the radius off, a heading is read in all frames."""
     turns_deg = [3.0 + 22.5 * step for step in range(16)]
@@ -299,6 +300,7 @@ def over_still_card(
     return Instrument(0, gauge, grid, strips[0]), strips
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("towards_deg", [20.0, 250.0])
 def test_needle_that_reaches_across_its_pivot_tells_where_that_is(towards_deg: float) -> None:
     """What shows on the far side of the centre lies on the same line, on both sides of a part that is not sampled."""
@@ -320,6 +322,7 @@ def test_card_that_stands_still_below_a_needle_does_not_show_from_where_it_is_se
     assert kind_of(instrument.gauge).squeeze(instrument, strips, is_lost=True) is None
 
 
+@pytest.mark.slow
 def test_rim_of_a_dial_whose_centre_is_drawn_beside_its_pivot_is_no_perspective() -> None:
     """The side to which the centre is off seems to be further away, until the card shows where it turns."""
     around = np.radians(np.arange(0.0, 360.0, 45.0))
