@@ -32,6 +32,8 @@ settings.register_profile("unhurried", deadline=None, derandomize=True)
 settings.register_profile("searching", deadline=None)
 settings.load_profile("unhurried")
 
+# What tests of these look at is not what coverage is measured of.
+UNMEASURED = ("benchmarks", "fixtures", "systemd", "test_rooms.py")
 COVERAGE_OF_PROGRAMS = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")
 CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 # What a test may be skipped for, as the reason names it, and how to get it.
@@ -68,7 +70,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     Quick tests go through the same lines; tracing takes up to three times as long. `no_cover` would not do: coverage is
     begun three times in a worker (by the process, by pytest-cov, by pytest-cov as a worker), and it stops one of them.
     """
-    untraced = item.get_closest_marker("untraced") is not None
+    is_measured = not item.nodeid.removeprefix("tests/").startswith(UNMEASURED)
+    untraced = item.get_closest_marker("untraced") is not None or not is_measured
     if not untraced and item.get_closest_marker("slow") is None:
         return (yield)
     told = {name: os.environ.pop(name) for name in COVERAGE_OF_PROGRAMS if untraced and name in os.environ}

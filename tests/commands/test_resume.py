@@ -12,6 +12,8 @@ import pytest
 
 from tests.programs import MakeFlight, contents, ran
 
+pytestmark = pytest.mark.untraced  # tests/workers goes through the same lines
+
 # As the program, but its batches are smaller, and noted from the first on: flights of seconds are too long for a test.
 EAGER = """
 from decoder.imaging import picture_block
@@ -64,7 +66,6 @@ def test_decode_that_is_killed_again_and_again_gives_the_same_bytes(flight: Path
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
-@pytest.mark.untraced
 def test_interrupted_decode_says_how_to_go_on(flight: Path, tmp_path: Path) -> None:
     """Ctrl-C keeps what was read; the same command again starts over, and says so."""
     journal = tmp_path / "out" / "flight.decode-journal"

@@ -56,7 +56,7 @@ def few(tmp_path: Path, frames: list[Frame]) -> Path:
 @pytest.fixture(scope="session")
 def long_flight(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -> Path:
     """A flight that takes seconds to decode, so that something can happen meanwhile."""
-    (path,) = write_flight(tmp_path_factory.mktemp("long"), "long", frames * 16)
+    (path,) = write_flight(tmp_path_factory.mktemp("long"), "long", frames * 8)
     return path
 
 
