@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page, expect
 from decoder.setup.app import SetupServer, setup_server
 from decoder.setup.session import SetupSession
 from decoder.setup.sources import open_source
-from tests.programs import A1
+from tests.programs import A1, FIXTURES
 
 expect.set_options(timeout=60_000)  # a busy machine is no failure
 
@@ -78,12 +78,31 @@ def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]
         yield running
 
 
+@pytest.fixture(scope="module")
+def server_of_picture(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A server with that panel on its own picture alone: a gauge is tried at once, however often something changes."""
+    target = tmp_path_factory.mktemp("saved") / "folder" / "panel.yaml"
+    with serving(FIXTURES / "panel.jpg", FIXTURES / "panel.yaml", target) as running:
+        yield running
+
+
+def without_drafts(running: Running) -> Running:
+    """A server, with no draft of another test."""
+    for draft in running.session.target.parent.glob(".*.draft"):
+        draft.unlink()
+    return running
+
+
 @pytest.fixture
 def server(shared_server: Running) -> Running:
-    """That server, with no draft of another test."""
-    for draft in shared_server.session.target.parent.glob(".*.draft"):
-        draft.unlink()
-    return shared_server
+    """A server with a flight, for tests that leave its panel as it is."""
+    return without_drafts(shared_server)
+
+
+@pytest.fixture
+def still(server_of_picture: Running) -> Running:
+    """A server with a picture, for tests that leave its panel as it is."""
+    return without_drafts(server_of_picture)
 
 
 Answer = tuple[int, Any, Mapping[str, str]]

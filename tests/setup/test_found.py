@@ -380,6 +380,7 @@ def test_without_numerals_places_are_proposed(
     assert math.dist(centre, CENTRE) < 1.0
 
 
+@pytest.mark.slow
 def test_the_search_leaves_out_what_is_drawn_and_ends_when_nobody_waits(
     airspeed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -54,9 +54,9 @@ def test_opened_panel_is_read_at_once_and_a_wrong_setup_is_seen(server: Running,
     expect(page.locator('[id="f:gauges[0].needles[0].template.at"]')).to_have_value("150")
 
 
-def test_what_is_not_valid_is_said_beside_its_field(server: Running, open_page: OpenPage) -> None:
+def test_what_is_not_valid_is_said_beside_its_field(still: Running, open_page: OpenPage) -> None:
     """A value that cannot be saved is marked where it stands; saving leads to it and writes nothing."""
-    page = open_page(server)
+    page = open_page(still)
     hand = Hand(page)
     page.locator("#outline li button", has_text="n2").click()
     hand.type_into("gauges[1].sweep[0]", "460")
@@ -68,7 +68,7 @@ def test_what_is_not_valid_is_said_beside_its_field(server: Running, open_page: 
     page.locator("#outline li button", has_text="ftit").click()
     page.locator("#save").click()
     expect(problem).to_be_visible()
-    assert not server.session.target.exists()
+    assert not still.session.target.exists()
 
 
 def test_what_is_no_number_is_drawn_nowhere(of_picture: Running, open_page: OpenPage) -> None:
@@ -185,13 +185,13 @@ def test_trials_go_on_once_the_program_answers_again(of_picture: Running, open_p
     assert len(broken) == 1
 
 
-def test_what_is_on_the_page_is_kept_whatever_was_judged(server: Running, open_page: OpenPage) -> None:
+def test_what_is_on_the_page_is_kept_whatever_was_judged(still: Running, open_page: OpenPage) -> None:
     """Also changes that saving refused before they were checked, and changes undone while later ones were checked."""
 
     def keeps(answer: Response) -> bool:
         return answer.url.endswith("/check") and "460" in (answer.request.post_data or "")
 
-    page = open_page(server, quiet=False)
+    page = open_page(still, quiet=False)
     page.locator("#outline li button", has_text="n2").click()
     with page.expect_response(keeps):
         page.evaluate(
@@ -202,7 +202,7 @@ def test_what_is_on_the_page_is_kept_whatever_was_judged(server: Running, open_p
                 document.getElementById("save").click();
             }"""
         )
-    assert server.session.draft.document["gauges"][1]["sweep"][0] == 460
+    assert still.session.draft.document["gauges"][1]["sweep"][0] == 460
     expect(page.locator("#banner")).to_contain_text("Not saved")
 
     held: list[Route] = []
@@ -217,12 +217,12 @@ def test_what_is_on_the_page_is_kept_whatever_was_judged(server: Running, open_p
     page.wait_for_timeout(300)  # until the check of what is there again is due
     with page.expect_response(keeps):
         held[0].continue_()
-    assert server.session.draft.document["gauges"][1]["sweep"][0] == 460
+    assert still.session.draft.document["gauges"][1]["sweep"][0] == 460
 
 
-def test_a_taken_offer_keeps_marks_without_values(server: Running, open_page: OpenPage) -> None:
+def test_a_taken_offer_keeps_marks_without_values(still: Running, open_page: OpenPage) -> None:
     """Those of a needle's own scale too; all move along with the others."""
-    session = server.session
+    session = still.session
     drawn = copy.deepcopy(session.document)
     own = drawn["gauges"][1]
     own["needles"][0]["scale"] = [*own["scale"], [300.5, None]]
@@ -239,7 +239,7 @@ def test_a_taken_offer_keeps_marks_without_values(server: Running, open_page: Op
         route.fulfill(response=answer, **more)
 
     said = {"key": "centre", "said": "It turns above", "does": "Move it", "gain": "more is read", "gauge": offer}
-    page = open_page(server)
+    page = open_page(still)
     page.route("**/api/trial", tried)
     page.route("**/api/advice", lambda route: route.fulfill(json={"offers": [said]}))
     page.reload()
@@ -315,9 +315,9 @@ def test_keyboard_alone_draws(start: Start, open_page: OpenPage) -> None:
     expect(page.locator(".anchor")).to_have_count(0)
 
 
-def test_everything_has_a_name_for_screen_readers(server: Running, open_page: OpenPage) -> None:
+def test_everything_has_a_name_for_screen_readers(still: Running, open_page: OpenPage) -> None:
     """No button, field or drawing is without a word that says what it is."""
-    page = open_page(server)
+    page = open_page(still)
     for name in ("n1", "knob", "level", "F-16 animation"):
         page.locator("#outline li button", has_text=name).first.click()
         nameless = page.evaluate(
@@ -384,9 +384,9 @@ def test_needle_is_proposed_and_accepted(start: Start, open_page: OpenPage) -> N
     assert angle == pytest.approx(359.5, abs=0.5)
 
 
-def test_needle_is_cropped_on_the_unwrapped_gauge(server: Running, open_page: OpenPage) -> None:
+def test_needle_is_cropped_on_the_unwrapped_gauge(still: Running, open_page: OpenPage) -> None:
     """Dragging over the unwrapped gauge crops the selected needle there."""
-    page = open_page(server)
+    page = open_page(still)
     page.locator("#outline li button", has_text="n1").click()
     page.locator(".card b", has_text="n1_pct").wait_for()
     Hand(page).press("v")
@@ -510,6 +510,7 @@ def test_a_window_is_drawn_by_its_corners(of_picture: Running, open_page: OpenPa
     assert parse_content(drawn(of_picture)) == parse_content(yaml.safe_load(panel_text(written)))
 
 
+@pytest.mark.slow
 def test_every_kind_in_a_window_is_drawn_in_its_fields(of_picture: Running, open_page: OpenPage) -> None:
     """Words, states, choices, blanks and places as numbers or points are typed and ticked, shown again, and saved."""
     page = open_page(of_picture)

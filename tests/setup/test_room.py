@@ -40,9 +40,9 @@ def chosen(page: Page) -> str:
     return page.locator('#outline [aria-current="true"] .name').inner_text()
 
 
-def test_picture_gets_the_screen_and_what_folds_gives_it_more(server: Running, open_page: OpenPage) -> None:
+def test_picture_gets_the_screen_and_what_folds_gives_it_more(still: Running, open_page: OpenPage) -> None:
     """Nearly half of a usual screen; three quarters with all else folded, which a new page remembers."""
-    page = open_page(server)
+    page = open_page(still)
     page.set_viewport_size({"width": 1440, "height": 900})
     expect_part_of_screen(page, 0.45)
     for key in "1234":
@@ -62,15 +62,15 @@ def test_picture_gets_the_screen_and_what_folds_gives_it_more(server: Running, o
 
 @pytest.mark.parametrize(("width", "height"), [(1024, 700), (720, 450), (480, 800)])
 def test_small_screen_has_picture_tools_and_fields(
-    server: Running, open_page: OpenPage, width: int, height: int
+    still: Running, open_page: OpenPage, width: int, height: int
 ) -> None:
     """Also at twice the size nothing lies beside the screen: a gauge is chosen, and one of its fields is typed."""
-    page = open_page(server)
+    page = open_page(still)
     page.set_viewport_size({"width": width, "height": height})
     expect_part_of_screen(page, 0.35)
     assert page.evaluate("document.documentElement.scrollWidth") == width
     hand = Hand(page)
-    x, y = server.session.document["gauges"][1]["centre"]
+    x, y = still.session.document["gauges"][1]["centre"]
     hand.click((x + 10, y + 25))
     expect(page.locator("#inspector h2")).to_have_text("n2")
     for tool in page.locator("#tools button").all():
@@ -89,9 +89,9 @@ def test_small_screen_has_picture_tools_and_fields(
     expect(page.locator("#inspector h2")).to_have_text("fuel_flow")
 
 
-def test_light_and_loupe_are_kept_and_worked_by_keys(server: Running, open_page: OpenPage) -> None:
+def test_light_and_loupe_are_kept_and_worked_by_keys(still: Running, open_page: OpenPage) -> None:
     """Only the picture is made brighter, as long as somebody wants it; the loupe goes with the cross and the mouse."""
-    page = open_page(server)
+    page = open_page(still)
     filtered = "getComputedStyle(document.querySelector('#picture image')).filter"
     assert page.evaluate(filtered) == "none"
     page.keyboard.press("b")
@@ -129,11 +129,11 @@ def test_light_and_loupe_are_kept_and_worked_by_keys(server: Running, open_page:
     expect(loupe).to_be_hidden()
 
 
-def test_a_click_within_another_dial_chooses_it(server: Running, open_page: OpenPage) -> None:
+def test_a_click_within_another_dial_chooses_it(still: Running, open_page: OpenPage) -> None:
     """With the select tool, and with one that draws on the selected gauge: then nothing is drawn on the far one."""
-    page = open_page(server)
+    page = open_page(still)
     hand = Hand(page)
-    centres = {gauge["name"]: gauge["centre"] for gauge in server.session.document["gauges"]}
+    centres = {gauge["name"]: gauge["centre"] for gauge in still.session.document["gauges"]}
     for name in ("n1", "fuel", "ftit"):
         x, y = centres[name]
         hand.click((x + 12, y + 30))
@@ -145,9 +145,9 @@ def test_a_click_within_another_dial_chooses_it(server: Running, open_page: Open
     expect(page.locator("#tool-mark")).to_have_attribute("aria-pressed", "true")
 
 
-def test_what_was_wrong_before_a_change_is_not_shown_after_it(server: Running, open_page: OpenPage) -> None:
+def test_what_was_wrong_before_a_change_is_not_shown_after_it(still: Running, open_page: OpenPage) -> None:
     """Neither where a change is undone as soon as saving was refused, nor where what is drawn now cannot be checked."""
-    page = open_page(server, quiet=False)
+    page = open_page(still, quiet=False)
     hand = Hand(page)
     page.locator("#outline li button", has_text="n2").click()
     hand.look()
