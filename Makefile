@@ -2,7 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
-JOBS ?= 2
+# One more than the processors of a small machine: some tests wait for clocks and other programs.
+JOBS ?= 3
 MINUTES ?= 60
 COVERAGE ?=
 # Dozens of programs are started below: none of them is to compile what another has compiled.

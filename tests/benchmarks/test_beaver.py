@@ -71,7 +71,7 @@ def drawn(
     return folder / "panel.yaml"
 
 
-@pytest.mark.parametrize(("gauges", "squares_up"), [(OTHERS, True), (OTHERS[:3], False)], ids=["squared up", "not"])
+@pytest.mark.parametrize(("gauges", "squares_up"), [(OTHERS, True), (OTHERS[:2], False)], ids=["squared up", "not"])
 def test_cards_and_what_moves_over_them_are_read_right_from_aside(
     tmp_path: Path, gauges: Collection[str], *, squares_up: bool
 ) -> None:
