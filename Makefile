@@ -10,7 +10,7 @@ COVERAGE ?=
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench fuzz kills reliability screenshots fixtures refs docs docs-samples reference lock clean
+.PHONY: help demo test lint lint-types lint-style format bench fuzz kills reliability screenshots fixtures refs docs docs-samples reference lock clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
@@ -29,13 +29,17 @@ demo: $(READY)  ## Record a fixture flight, decode it, and show how right it is
 	$(BIN)/decode demo/*.mcap -o demo
 	$(BIN)/decode accuracy demo/*.csv fixtures/thesis_a1_truth.csv
 
-test: $(READY)  ## Run all tests; with COVERAGE=yes, which takes a quarter longer, hold them to the coverage floor
+test: $(READY)  ## Run all tests; with COVERAGE=yes, which takes longer, hold them to the coverage floor
 	$(BIN)/pytest -n $(JOBS) --dist loadgroup $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
-lint: $(READY)  ## Check style, types and import contracts
+lint: lint-types lint-style  ## Check style, types and import contracts
+
+lint-types: $(READY)
+	$(BIN)/mypy
+
+lint-style: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 
 format: $(READY)  ## Put the code in the house style
