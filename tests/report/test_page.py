@@ -305,24 +305,16 @@ def later(data: FlightData, offset_ns: npt.ArrayLike) -> FlightData:
     return replace(data, time_ns=data.time_ns + np.asarray(offset_ns))
 
 
-def nothing_read() -> Decoded:
-    """A flight of which no needle was read."""
-    names = [series.quantity.name for series in make_report(1).data.series]
-    return make_report(9, {(name, row): Status.MISSING for name in names for row in range(9)})
-
-
 AN_HOUR_NS = 3_600_000_000_000
 ODD: dict[str, Callable[[], Decoded]] = {
     "no frame": lambda: make_report(0),
     "one frame": lambda: make_report(1),
-    "nothing read": nothing_read,
     "every frame lost": lambda: make_report(6, lost=dict.fromkeys(range(6), "the picture is damaged")),
     "clock set back": lambda: make_report(
         data=later(make_report(30).data, np.where(np.arange(30) < 15, 0, -20_000_000_000))
     ),
     "long gap": lambda: make_report(data=later(make_report(40).data, np.where(np.arange(40) < 20, 0, AN_HOUR_NS))),
     "no alignment kept": lambda: make_report(data=replace(make_report(12).data, alignments=AlignmentSeries())),
-    "one moment": lambda: make_report(data=later(make_report(30).data, -250_000_000 * np.arange(30))),
 }
 
 
