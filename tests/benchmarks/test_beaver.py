@@ -25,7 +25,7 @@ OTHERS = ("heading_deg", "vor_course_deg", "adf_card_deg", "course deviation", "
 """Kinds that the other borrowed panel does not have."""
 ENGINE = ("oil_c", "oil_psi", "fuel_psi", "tach_rpm", "fuel_front_gal", "fuel_center_gal", "fuel_rear_gal")
 
-pytestmark = [pytest.mark.slow, pytest.mark.untraced, pytest.mark.xdist_group("beaver")]
+pytestmark = [pytest.mark.slow, pytest.mark.untraced]
 
 
 def source_of(flight: str, panel: Path) -> Source:

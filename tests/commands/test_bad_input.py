@@ -224,6 +224,7 @@ def elsewhere(pictures: list[bytes]) -> list[bytes]:
     return made
 
 
+@pytest.mark.untraced
 def test_panel_of_another_cockpit_is_refused_after_a_sample(
     tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes]
 ) -> None:
@@ -251,6 +252,7 @@ def test_flight_that_its_cameras_calibration_does_not_cover_says_so(
     says(ran("decode", flight, "--camera", camera, "-o", tmp_path / "out"), "decode: ", *words)
 
 
+@pytest.mark.untraced
 def test_flight_that_begins_elsewhere_is_decoded(
     tmp_path: Path, make_flight: MakeFlight, elsewhere: list[bytes], pictures: list[bytes]
 ) -> None:

@@ -15,6 +15,8 @@ from decoder.parallel.processes import jobs_for, usable_cores
 from decoder.parallel.thresholds import MIN_SHARED_BYTES
 from tests.programs import A2, MakeFlight, begun, contents, ran
 
+pytestmark = pytest.mark.untraced  # tests/workers goes through the same lines
+
 
 @pytest.fixture
 def long_flight(make_flight: MakeFlight, pictures: list[bytes]) -> Path:
@@ -86,7 +88,6 @@ def wait_until_gone(pids: set[int]) -> None:
     assert left == set()
 
 
-@pytest.mark.untraced
 def test_interrupt_ends_every_process(long_flight: Path, tmp_path: Path) -> None:
     """Ctrl-C reaches all of a terminal's processes: one sentence, none of them left, no file begun."""
     with started(long_flight, "-o", tmp_path / "out", "--jobs", 2) as running:

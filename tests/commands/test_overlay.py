@@ -125,6 +125,7 @@ def test_what_was_written_is_drawn_as_what_is_decoded(overlay: Path, tmp_path: P
     is_drawn_alike(tmp_path / "again.mp4", overlay)
 
 
+@pytest.mark.untraced
 def test_what_was_written_through_a_bad_lens_is_drawn_as_what_is_decoded(tmp_path: Path) -> None:
     """Where the lens bends what is drawn, too."""
     camera = tmp_path / "camera.yaml"
@@ -178,6 +179,7 @@ def sounding(tmp_path: Path) -> Path:
     return flight
 
 
+@pytest.mark.untraced
 def test_sound_is_left_out_unless_it_is_asked_for(sounding: Path, tmp_path: Path) -> None:
     """It is then as it was, beside the pictures that it belongs to, from the flight's beginning or a later one."""
 
@@ -314,6 +316,7 @@ def test_ctrl_c_leaves_what_was_there(tmp_path: Path, decoded_a1: Decoded) -> No
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"film.mp4": b"an older film"}
 
 
+@pytest.mark.untraced
 def test_chromium_plays_it(browser: Browser, overlay: Path, tmp_path: Path) -> None:
     """In a page of its folder: it has its size and duration, runs, and seeks to a frame."""
     page_file = tmp_path / "page.html"

@@ -15,6 +15,8 @@ from fixtures.film import film as animation_film
 from flight_file.reader import open_flight
 from tests.programs import A1, FIXTURES, ran, rows_of
 
+pytestmark = pytest.mark.untraced  # what reads films is traced in tests/decoder/imaging and tests/camera_drivers
+
 Decoded = Any
 PANEL = FIXTURES / "panel.yaml"
 NEEDLES = ("fuel_al_lb", "fuel_fr_lb")

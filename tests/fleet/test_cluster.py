@@ -18,6 +18,7 @@ Cluster = Any
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("fleet")]
 
 
+@pytest.mark.untraced
 def test_killed_worker_and_corrupt_flight(cluster: Cluster, archive: Path, home: Path, tmp_path: Path) -> None:
     """Twelve flights and a corrupt one, one of two workers killed meanwhile: the bytes of home, one failure told."""
     corrupt = tmp_path / "corrupt.mcap"

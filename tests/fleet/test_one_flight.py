@@ -96,6 +96,7 @@ def test_new_date_is_looked_behind_once(order: MakeOrder, flight: FleetFlight, m
     assert status(decode_one(flight, order())) is State.KEPT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", [{"method": "xcorr"}, {"formats": ("csv", "mcap")}])
 def test_other_options_are_decoded_anew(order: MakeOrder, flight: FleetFlight, other: dict[str, object]) -> None:
     """Results of another method or in other formats are not kept; those of the same options are."""
@@ -105,6 +106,7 @@ def test_other_options_are_decoded_anew(order: MakeOrder, flight: FleetFlight, o
     assert status(decode_one(flight, order(**other))) is State.KEPT
 
 
+@pytest.mark.slow
 def test_formats_have_no_order(order: MakeOrder, flight: FleetFlight, tmp_path: Path) -> None:
     """The same formats in another order are the same results, and fewer leave nothing of the others behind."""
     decode_one(flight, order(formats=("csv", "mcap")))
@@ -117,6 +119,7 @@ def test_formats_have_no_order(order: MakeOrder, flight: FleetFlight, tmp_path: 
     ]
 
 
+@pytest.mark.slow
 def test_other_panel_is_decoded_anew(order: MakeOrder, flight: FleetFlight, cockpit: Path) -> None:
     """A panel with other text or another picture is another panel; the same one elsewhere is not."""
     decode_one(flight, order(panel=cockpit))
@@ -204,6 +207,7 @@ def test_other_versions_are_refused(order: MakeOrder, flight: FleetFlight, fmt: 
         decode_one(flight, replace(wanted, versions=replace(wanted.versions, libraries=other)))
 
 
+@pytest.mark.slow
 def test_results_of_other_versions_are_not_kept(
     order: MakeOrder, flight: FleetFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:

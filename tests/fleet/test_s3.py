@@ -98,6 +98,7 @@ def run(words: list[str], folder: Path, env: Mapping[str, str]) -> None:
     assert (done.returncode, done.stderr) == (0, ""), words
 
 
+@pytest.mark.untraced
 def test_commands_run(empty_cluster: Cluster, s3: Store, few: Path, tmp_path: Path) -> None:
     """From a store into a store, on one machine and on a cluster, it is the same as at home."""
     (tmp_path / "archive").mkdir()

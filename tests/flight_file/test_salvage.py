@@ -386,6 +386,7 @@ SAID = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BOMBS)
 def test_what_was_made_to_fill_the_memory_is_a_loss(
     flight: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch, name: str

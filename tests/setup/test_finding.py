@@ -238,6 +238,7 @@ def test_noise_has_no_glyphs(blur_px: float) -> None:
     assert numbers_at(picture, 2.0) == []
 
 
+@pytest.mark.slow
 def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Seen from 25 degrees above, its angles are those of the dial seen square on."""
     flat = math.cos(math.radians(25))
@@ -268,6 +269,7 @@ def test_a_rose_begins_at_its_own_mark_however_fine_its_ticks_are(monkeypatch: p
     assert [(mark.angle_deg - mark.value) % 360 for mark in scale.marks] == pytest.approx([270.0] * 12, abs=0.5)
 
 
+@pytest.mark.slow
 def test_numerals_that_disagree_make_no_scale(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two numerals exchanged, as a recognizer may misread them, and nothing is proposed without a word of doubt."""
     wrong = dict(zip([0, 10, 70, 30, 60, 50, 40, 20, 80, 90, 100], EVEN.values(), strict=True))

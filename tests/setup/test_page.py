@@ -71,6 +71,7 @@ def test_what_is_not_valid_is_said_beside_its_field(still: Running, open_page: O
     assert not still.session.target.exists()
 
 
+@pytest.mark.slow
 def test_what_is_no_number_is_drawn_nowhere(of_picture: Running, open_page: OpenPage) -> None:
     """Words in fields of numbers, one after the other: nothing is said on the console, and undo brings all back."""
     page = open_page(of_picture)
@@ -257,6 +258,7 @@ def test_a_taken_offer_keeps_marks_without_values(still: Running, open_page: Ope
     page.unroute_all(behavior="ignoreErrors")
 
 
+@pytest.mark.slow
 def test_a_mistyped_mark_and_a_wrong_unit_are_told_beside_what_is_offered(
     start: Start, open_page: OpenPage, tmp_path: Path
 ) -> None:
@@ -450,6 +452,7 @@ def test_redrawn_page_leaves_the_focus_on_a_button(start: Start, open_page: Open
         expect(button).to_be_focused()
 
 
+@pytest.mark.slow
 def test_gauges_of_every_kind_are_kept_and_edited(start: Start, open_page: OpenPage, tmp_path: Path) -> None:
     """Cards, stops, combined values, tails, rates, own scales: opened, changed in their fields, and saved whole."""
     running = start(FIXTURES / "oblique" / "odd_small.mcap", None, tmp_path / "panel.yaml")

@@ -123,6 +123,7 @@ def appears_deg(angle_deg: float, squeeze: Squeeze) -> float:
     return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("squeeze", "off_px"),
     [(Squeeze(0.0225, 0.008), (0.5, -2.5)), (Squeeze(-0.015, 0.016), (2.0, 1.5))],

@@ -174,6 +174,7 @@ def horizon(roll_deg: float, pitch_deg: float, seed: int) -> bytes:
     return jpeg_of(plane)
 
 
+@pytest.mark.slow
 def test_horizon_as_bright_as_its_sky_is_read_in_its_colours() -> None:
     """Blue above brown is hardly seen in luma, nor any turn of it."""
     attitudes = [(38.0 * math.sin(frame), 14.0 * math.sin(0.7 * frame + 1.0)) for frame in range(1, 21)]
@@ -495,6 +496,7 @@ def banded(at: float, seed: int, slot: Colour) -> bytes:
     return jpeg_of(plane)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slot", [NIGHT, DUSK])
 @pytest.mark.parametrize("heights", [[45.0] * 10, []], ids=["often red", "once red"])
 def test_bar_that_goes_on_in_red_is_read_at_its_end(slot: Colour, heights: list[float]) -> None:

@@ -349,6 +349,7 @@ ALIKE = (
 """The shortest below the others."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("middle_deg", [262.0, 330.0], ids=["cut with another", "cut by itself"])
 def test_needles_that_differ_in_length_alone_are_not_exchanged(middle_deg: float) -> None:
     """One of three that took another's place gives it back or is missing, also if they were cut too near each other."""

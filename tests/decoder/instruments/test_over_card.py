@@ -142,6 +142,7 @@ def test_bug_that_never_moved_may_be_a_mark_of_its_card(level: float) -> None:
         assert is_honest(reading, CARD["scale"], bug)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("level", "light", "least"), [(60.0, 1.0, 0), (BUG_LEVEL, 1.0, 14), (BUG_LEVEL, 0.25, 0)])
 def test_numeral_behind_a_bug_is_not_read_for_it(level: float, light: float, least: int) -> None:
     """Even if the card turned little, below marks that stand still; in dim light the two cannot be distinguished."""
@@ -167,6 +168,7 @@ def test_what_may_be_a_mark_may_be_anywhere(bug: float) -> None:
     assert all(own.status is Status.MISSING or own.sigma_deg > 90.0 for own in readings)
 
 
+@pytest.mark.slow
 def test_bug_that_is_seen_from_aside_is_read_where_it_points() -> None:
     """It swings by its height above the card as the card turns, but stays where it was set: the swing is removed."""
     parallax_deg, settings_ = 1.2, [60.0] * 6 + [148.0] * 6 + [275.0] * 6
@@ -316,6 +318,7 @@ def test_pointer_below_a_fixed_mark_is_less_certain_also_where_it_resembles_its_
     assert below.sigma_deg > 1.0  # 0.5 without what the mark hides
 
 
+@pytest.mark.slow
 def test_pointer_whose_tip_is_hidden_in_the_panel_picture_has_no_value() -> None:
     """Frames show how its ends differ, but not which of them it was drawn by: it may point either way."""
     assert arrows_off_deg(arrow_reader(270.0)) == []

@@ -66,6 +66,7 @@ def wrong(values: Sequence[float | None], counts: Sequence[float]) -> list[tuple
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drawn",
     [DrawnRow(), DrawnRow(font=plotted, goes_down=True), DrawnRow(light=-110.0, ground=190.0, height=20.0, pitch=27.0)],

@@ -319,6 +319,7 @@ def read_speeds(speeds_kt: Floats, *, readout: bool, contrast: float, framed: bo
     return off, is_read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("readout", "framed"), [(True, False), (False, True)], ids=["a box", "a frame"])
 def test_what_lies_over_a_tape_does_not_keep_it_from_being_read(*, readout: bool, framed: bool) -> None:
     """Digits in a box changed as much as the tape did, but not as it did; a frame and an index stand still."""

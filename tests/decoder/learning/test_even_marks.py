@@ -57,6 +57,7 @@ def test_squeeze_is_found_from_marks_beyond_the_needle() -> None:
     assert np.allclose(found.matrix, squeeze.matrix, atol=0.003)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("marks_deg", "squeeze"),
     [(MINUTES_DEG, Squeeze(0.0, 0.0)), (MINUTES_DEG[:45], Squeeze(0.02, 0.02)), ([], Squeeze(0.02, 0.02))],

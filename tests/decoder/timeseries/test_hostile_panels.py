@@ -106,6 +106,7 @@ def sentence_of(act: Callable[[], None]) -> str:
     return ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SOUND)
 def test_sound_panel_is_decoded(decode: Callable[..., None], document: Content, kind: str) -> None:
     """The panels spoilt below are valid before."""
