@@ -421,18 +421,6 @@ def in_sun(frame: GreyPicture, number: int) -> GreyPicture:
     return np.clip(np.where(is_dial, lit, frame), 0, 255).astype(np.uint8)
 
 
-def test_card_is_read_under_shadows_and_reflections_that_move_over_all_of_it() -> None:
-    """Frames then differ everywhere by more than a camera's noise, but by less than the card's contrast."""
-    turns_deg = [3.0 + 22.5 * step for step in range(16)]
-    frames = [in_sun(draw(turn_deg, 100 + step), step) for step, turn_deg in enumerate(turns_deg)]
-    reader = reader_for([CARD], draw(PANEL_TURN_DEG, 1), frames)
-
-    found = [off_deg(reader, frame, turn_deg) for frame, turn_deg in zip(frames, turns_deg, strict=True)]
-
-    assert sum(status is Status.READ for status, _, _ in found) >= 14
-    assert max(off for status, off, _ in found if status is Status.READ) < 0.5
-
-
 def out_of_focus(picture: GreyPicture) -> GreyPicture:
     """The picture, blurred by two pixels."""
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 2.0), np.uint8)
@@ -450,9 +438,15 @@ def half_in_glare(picture: GreyPicture) -> GreyPicture:
     )
 
 
-@pytest.mark.parametrize("spoilt", [out_of_focus, half_in_shade, half_in_glare])
-def test_card_is_read_though_the_panel_picture_hardly_shows_it(spoilt: Callable[[GreyPicture], GreyPicture]) -> None:
-    """It matches no place there much better than others, but all frames agree on the place with it."""
+@pytest.mark.parametrize("spoilt", [np.asarray, out_of_focus, half_in_shade, half_in_glare])
+def test_card_is_read_under_shadows_and_reflections_that_move_over_all_of_it(
+    spoilt: Callable[[GreyPicture], GreyPicture],
+) -> None:
+    """Frames then differ everywhere by more than a camera's noise, but by less than the card's contrast.
+
+    If the panel picture hardly shows it, the card matches no place there much better than others; all frames agree on
+    the place with it.
+    """
     turns_deg = [3.0 + 22.5 * step for step in range(16)]
     frames = [in_sun(draw(turn_deg, 100 + step), step) for step, turn_deg in enumerate(turns_deg)]
     reader = reader_for([CARD], spoilt(draw(PANEL_TURN_DEG, 1)), frames)

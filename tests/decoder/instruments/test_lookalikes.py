@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -341,37 +342,48 @@ def test_needle_found_where_the_other_is_goes_back_to_its_own_place(beside_deg: 
     assert read > 36
 
 
+def drawn_hands(
+    forms: Sequence[Hand], angles_deg: Sequence[float], seed: int, ticks_deg: Sequence[float] = range(120, 421, 30)
+) -> GreyPicture:
+    """A dial with hands, the lowest first."""
+
+    def what(canvas: Canvas) -> None:
+        canvas.dial(ticks_deg)
+        for form, angle_deg in zip(forms, angles_deg, strict=True):
+            canvas.hand(form, angle_deg)
+
+    return paint(what, seed=seed)
+
+
+def one_below_another(names: Sequence[str], drawn_deg: Sequence[float], spans: Sequence[float]) -> dict[str, Any]:
+    """The needles of a gauge, the lowest first."""
+    return {
+        "needles": [
+            {"name": name, "template": {"at": at, "span": span}} | ({"covered_by": above} if above else {})
+            for name, at, span, above in zip(names, drawn_deg, spans, [*names[1:], ""], strict=True)
+        ]
+    }
+
+
 ALIKE = (
     Hand(tip=40.0, root_half=2.6, tip_half=1.0),
     Hand(tip=52.0, root_half=2.6, tip_half=1.0, tail=20.0),
     Hand(tip=64.0, root_half=2.2, tip_half=1.0, tail=24.0),
 )
 """The shortest below the others."""
+THREE = {"name": "three", "radius": [14, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]]}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("middle_deg", [262.0, 330.0], ids=["cut with another", "cut by itself"])
 def test_needles_that_differ_in_length_alone_are_not_exchanged(middle_deg: float) -> None:
     """One of three that took another's place gives it back or is missing, also if they were cut too near each other."""
-
-    def draw_three(angles_deg: Sequence[float], seed: int) -> GreyPicture:
-        def what(canvas: Canvas) -> None:
-            canvas.dial(range(120, 421, 30))
-            for form, angle_deg in zip(ALIKE, angles_deg, strict=True):
-                canvas.hand(form, angle_deg)
-
-        return paint(what, seed=seed)
-
+    draw_three = partial(drawn_hands, ALIKE)
     names, drawn_deg = ("short", "middle", "long"), np.array([250.0, middle_deg, 170.0])
-    needles = [
-        {"name": name, "template": {"at": at, "span": 20}} for name, at in zip(names, drawn_deg.tolist(), strict=True)
-    ]
-    for needle, above in zip(needles, names[1:], strict=False):
-        needle["covered_by"] = above
-    gauge = {"name": "three", "radius": [14, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]]}
     rng = np.random.default_rng(8)
     frames = [draw_three(drawn_deg + rng.uniform(-5.0, 5.0, 3), 100 + number) for number in range(16)]
-    reader = reader_for([gauge | {"needles": needles}], draw_three(drawn_deg, 1), frames)
+    gauge = THREE | one_below_another(names, drawn_deg.tolist(), (20, 20, 20))
+    reader = reader_for([gauge], draw_three(drawn_deg, 1), frames)
     off_deg = []
     for number, angles_deg in enumerate(rng.uniform(125.0, 415.0, (24, 3))):
         readings = read_picture(reader, draw_three(angles_deg, 200 + number)).readings
@@ -387,22 +399,11 @@ def test_needles_that_differ_in_length_alone_are_not_exchanged(middle_deg: float
 
 def test_two_needles_alike_are_never_exchanged_where_their_pictures_end_within_the_hub() -> None:
     """Which of them is which cannot be told, however well the one drawn beside its axis fits where it was found."""
-    form = Hand(tip=64.0, root_half=4.5, tip_half=0.5)
-
-    def draw(angles_deg: Sequence[float], seed: int) -> GreyPicture:
-        def what(canvas: Canvas) -> None:
-            canvas.dial(range(120, 421, 30))
-            for angle_deg in angles_deg:
-                canvas.hand(form, angle_deg)
-
-        return paint(what, seed=seed)
-
+    draw = partial(drawn_hands, [Hand(tip=64.0, root_half=4.5, tip_half=0.5)] * 2)
     drawn_deg, rng = (170.0, 330.0), np.random.default_rng(6)
-    needles = [
-        {"name": "one", "template": {"at": drawn_deg[0] + 1.0, "span": 16}, "covered_by": "other"},
-        {"name": "other", "template": {"at": drawn_deg[1], "span": 16}},
-    ]
-    gauge = {"name": "n1", "radius": [9, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]], "needles": needles}
+    gauge = (
+        THREE | {"radius": [9, 66]} | one_below_another(("one", "other"), (drawn_deg[0] + 1.0, drawn_deg[1]), (16, 16))
+    )
     frames = [draw(each, 100 + number) for number, each in enumerate(rng.uniform(125.0, 415.0, (16, 2)).tolist())]
     reader = reader_for([gauge], draw(drawn_deg, 1), frames)
     for number, angles_deg in enumerate(rng.uniform(125.0, 415.0, (24, 2)).tolist()):
@@ -445,11 +446,7 @@ def test_needles_that_differ_are_read_beside_a_third_that_is_not_there() -> None
         return paint(what, seed=seed)
 
     drawn_deg, names = (160.0, 250.0, 340.0), ("short", "wide", "long")
-    needles = [{"name": name, "template": {"at": at, "span": 24}} for name, at in zip(names, drawn_deg, strict=True)]
-    for needle, above in zip(needles, names[1:], strict=False):
-        needle["covered_by"] = above
-    gauge = {"name": "three", "radius": [14, 66], "sweep": [120, 420], "scale": [[120, 0], [420, 300]]}
-    reader = reader_for([gauge | {"needles": needles}], draw_forms(drawn_deg, 1))
+    reader = reader_for([THREE | one_below_another(names, drawn_deg, (24, 24, 24))], draw_forms(drawn_deg, 1))
     for number, turned_deg in enumerate(np.arange(0.0, 90.0, 9.0).tolist()):
         angles_deg = 230.0 + turned_deg, 310.0 + turned_deg
         readings = read_picture(reader, draw_forms(angles_deg, 20 + number, 140.0 if number % 2 else 405.0)).readings
@@ -474,27 +471,14 @@ CLOCKS = {
 @pytest.mark.parametrize(("forms", "times"), CLOCKS.values(), ids=CLOCKS)
 def test_no_hand_of_a_clock_is_read_for_another(forms: Sequence[Hand], times: Sequence[int]) -> None:
     """Nor for one whose own place two others dispute, nor for what it covers, nor where all three are exchanged."""
-
-    def draw(angles_deg: Sequence[float], seed: int) -> GreyPicture:
-        def what(canvas: Canvas) -> None:
-            canvas.dial(())
-            for form, angle_deg in zip(forms, angles_deg, strict=True):
-                canvas.hand(form, angle_deg)
-
-        return paint(what, seed=seed)
-
+    draw = partial(drawn_hands, forms, ticks_deg=())
     drawn_deg, names = (188.0, 70.0, 285.0), ("hour", "minute", "second")
-    needles = [
-        {"name": name, "template": {"at": at, "span": span}}
-        for name, at, span in zip(names, drawn_deg, (20, 18, 12), strict=True)
-    ]
-    for needle, above in zip(needles, names[1:], strict=False):
-        needle["covered_by"] = above
     gauge = {"name": "clock", "radius": [13, 60], "sweep": [270, 630], "scale": [[270, 0], [450, 6]], "wraps": 12}
+    gauge |= one_below_another(names, drawn_deg, (20, 18, 12))
     frames = [
         draw(each, 50 + at) for at, each in enumerate(np.random.default_rng(3).uniform(270, 630, (16, 3)).tolist())
     ]
-    reader = reader_for([gauge | {"needles": needles}], draw(drawn_deg, 1), frames)
+    reader = reader_for([gauge], draw(drawn_deg, 1), frames)
     for time in times:
         angles_deg = 180.0 + 3.0 * time, 10.0 + 36.0 * time, 300.0 + 222.0 * time
         readings = read_picture(reader, draw(angles_deg, 200 + time)).readings
