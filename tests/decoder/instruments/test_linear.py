@@ -23,9 +23,18 @@ SLIDE = Slide.of(GAUGE, GRID)
 
 
 def window(
-    at_y: float, seed: int = 0, *, gain: float = 1.0, slope: float = 0.0, doubled: float | None = None
+    at_y: float,
+    seed: int = 0,
+    *,
+    gain: float = 1.0,
+    slope: float = 0.0,
+    doubled: float | None = None,
+    readout: float = 0.0,
 ) -> Floats:
-    """A slot, half dark and half a bright card with print; a grey pointer stands at a height, maybe another too."""
+    """A slot, half dark and half a bright card with print; a grey pointer stands at a height, maybe another too.
+
+    Below the scale's end, a readout may be as bright as this.
+    """
 
     def levels(x: Floats, y: Floats) -> Floats:
         right = x > 46.0 - (y - 80.0) / 12.0
@@ -34,7 +43,7 @@ def window(
         for middle in (at_y, at_y if doubled is None else doubled):
             covered = bar(y - middle, 4.0)
             scale = covered * 110.0 + (1.0 - covered) * scale
-        return scale
+        return np.where((y > 130.0) & (readout > 0.0), readout * (np.sin(y) > 0.0), scale)
 
     return seen(GRID, levels, seed, gain=gain, slope=slope)
 
@@ -90,6 +99,16 @@ def test_two_pointers_are_none() -> None:
     (none,) = read(TAUGHT, window(-40.0, 6))
 
     assert {double.status, none.status} == {Status.MISSING}
+
+
+def test_it_is_read_whatever_a_readout_beyond_its_scale_shows() -> None:
+    """Digits that change below the last mark lie where no pointer can be: they cast no doubt on it."""
+    heights = [30.0] * 8 + [80.0, 80.0, 101.0, 120.0]
+    strips = [window(at_y, seed + 1, readout=60.0 + 15.0 * seed) for seed, at_y in enumerate(heights)]
+    picture = learn_linear(SLIDE, strips, first_linear(SLIDE, window(30.0, readout=240.0)))
+    found = read(picture, *(window(64.0, 99, readout=shown) for shown in (240.0, 90.0, 1.0)))
+
+    assert [one.status for one in found] == [Status.READ] * 3
 
 
 def test_frames_beside_it_change_nothing() -> None:

@@ -57,6 +57,8 @@ class LinearPicture:
         Its pointer in the panel picture, and as learned from the flight.
     at_row
         Where it is in the panel picture.
+    restless
+        (R,): rows beyond the scale's ends that often change, such as a readout's digits.
     """
 
     drawn: UnwrappedGauge
@@ -66,6 +68,7 @@ class LinearPicture:
     given: NeedleTemplate
     pointer: NeedleTemplate
     at_row: float
+    restless: Mask
 
     @property
     def bar(self) -> tuple[bool, bool]:
@@ -132,9 +135,10 @@ class SlideReader:
         self._moments = face_moments(picture.face[None], picture.pointer)
         self._faces = blocks_of(picture.face.astype(np.float32), height)
         count = len(picture.face) - height + 1
-        places_px = slide.px_of(np.arange(count) + float(self._axis))
+        places_px = slide.px_of(np.arange(len(picture.face), dtype=np.float64))
         first_px, last_px = slide.ends_px
-        self._allowed = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
+        self._on_scale = (places_px >= first_px - BEYOND_SWEEP_DEG) & (places_px <= last_px + BEYOND_SWEEP_DEG)
+        self._allowed = self._on_scale[self._axis : self._axis + count].copy()
         beginning = self._middle_of(picture) if begins is None else begins
         self._other = None
         if beginning is not None:
@@ -242,14 +246,31 @@ class SlideReader:
         What differs from them within as much of the scale as a pointer takes, and is half as strong, may be the pointer
         itself, or something that lies over it: what was found may be its edge.
         """
+        return not self._differs(window, row, gain).any()
+
+    def restless(self, views: Floats) -> Mask:
+        """(R,): where F views (F, R, C) that show the pointer often differ from what is known, beyond the scale."""
+        found, is_alone = self.found(views)
+        is_sure = found.is_settled & is_alone & (found.score >= SCORE_THRESHOLD)
+        seen = zip(views[is_sure], found.row[is_sure], found.gain[is_sure], strict=True)
+        differs = [self._differs(view, row, gain) for view, row, gain in seen]
+        if not differs:
+            return self._picture.restless
+        restless: Mask = ~self._on_scale & (np.mean(differs, axis=0) > HALF**2)
+        return restless
+
+    def _differs(self, window: Floats, row: float, gain: float) -> Mask:
+        """(R,): where a window (R, C) differs from scale and bar by half as much as a pointer there would."""
         height, top = self._pointer.rows, self._top_at(row, len(window))
         known = self._known_around(row)
+        known[self._picture.restless] = np.nan
         known[max(top - self._axis, 0) : top + height + self._axis] = np.nan
         # Light may differ from place to place, and a pointer across this one cross it, but not from row to row.
         spread = _spread_around(window - gain * known, height)
         own = self._pointer.light + (self._pointer.transparency - 1.0) * self._face[top : top + height]
         least = HALF * gain**2 * float(own.var(axis=0).mean()) + NOISE_LEVELS**2
-        return not bool((spread > least).any())
+        differs: Mask = spread > least
+        return differs
 
     def _scores(self, window: Floats) -> Floats:
         """(1, N): the partial NCC with the pointer starting at each row of the window."""
@@ -334,7 +355,8 @@ def _first(strip: Floats, at_row: float, rows: int, plain: Floats) -> LinearPict
     layer = first_layer(cut, plain, 1.0)
     face = bare_face(strip, _covered(strip.shape, layer, at_row, _bar_sides(layer)))
     pointer = cut_over(layer, _behind(face, at_row, rows))
-    return LinearPicture(strip, face, *_sides(pointer, [strip], [at_row]), pointer, pointer, at_row)
+    restless = np.zeros(len(strip), bool)
+    return LinearPicture(strip, face, *_sides(pointer, [strip], [at_row]), pointer, pointer, at_row, restless)
 
 
 def _otherwise(given: LinearPicture) -> list[LinearPicture]:
@@ -414,7 +436,8 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
     if len(views) < FRAMES_TO_LEARN:
         return given
     tried = [_taught(slide, each, views) for each in (given, *_otherwise(given))]
-    return max(tried, key=lambda one: one[1])[0]
+    learned, _ = max(tried, key=lambda one: one[1])
+    return replace(learned, restless=SlideReader(slide, learned).restless(np.stack(views)))
 
 
 def _taught(slide: Slide, given: LinearPicture, views: Sequence[Floats]) -> tuple[LinearPicture, float]:
