@@ -16,10 +16,12 @@ from functools import partial
 
 import numpy as np
 
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.sorting import MAD_TO_SIGMA
 from decoder.imaging.thresholds import HALF
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.thresholds import HAND_PX, MOST_MARK_PART
+from decoder.matching.thresholds import OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.parameters import CLOCKWISE, parameter_of
@@ -82,6 +84,24 @@ def uneven_deg(quantity: Quantity) -> float:
     beside_deg -= beside_deg.mean()
     spread_deg = math.sqrt(float(beside_deg @ beside_deg) / (len(beside_deg) - 1))
     return max(spread_deg, float(np.abs(beside_deg).max()) / 2)  # two sigma have to cover the worst
+
+
+def squeeze_of(gauge: Gauge) -> Squeeze | None:
+    """Return how the view squeezes a dial, by the marks that were drawn where they appear all the way round it.
+
+    From beside their middle, even marks are uneven by a wave once around; seen obliquely, by one twice around. None if
+    a careless hand may have drawn the latter, or there are too few marks to tell.
+    """
+    scale = max((each for each in gauge.quantities if each.wraps is not None), key=lambda each: len(each.marks))
+    angles, values = (np.array(each, np.float64) for each in zip(*scale.marks, strict=True))
+    turns = [np.ones_like(angles), *(wave(np.radians(n * angles)) for n in (1, 2) for wave in (np.cos, np.sin))]
+    if scale.wraps is None or len(angles) <= len(turns) + 1:
+        return None
+    beside = np.radians(angles - _pace_deg(values, scale.wraps) * values)
+    (*_, askew, behind), (left,), *_ = np.linalg.lstsq(np.stack(turns, axis=1), beside, rcond=None)
+    missed = max(math.sqrt(left / (len(angles) - len(turns))), MOST_MARK_PART)
+    is_clear = math.hypot(askew, behind) > OUTLIER_SPREADS * missed * math.sqrt(2.0 / len(angles))
+    return Squeeze(float(-behind), float(askew)) if is_clear else None
 
 
 def is_beyond_a_hand(off_deg: float) -> bool:

@@ -14,6 +14,7 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.planes import Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import Unwrapper, polar
+from decoder.learning.drawn_points import squeeze_of
 from decoder.matching.pivot_search import even_marks_squeeze
 from decoder.panel.gauge import Gauge
 
@@ -33,11 +34,11 @@ def _goes_round(gauge: Gauge) -> bool:
 
 
 def _squeeze(source: PanelPictures, index: int) -> Squeeze | None:
-    """Estimate it for one gauge, whose marks may lie beyond its needles."""
+    """Estimate it for one gauge, whose marks may lie beyond its needles, or as somebody drew many of them."""
     own = polar(source.grid(index))
     outer_px = float(own.radii_px[-1])
     inner_px, beyond_px = HALF * outer_px, (1.0 + HALF) * outer_px
     columns = math.ceil((beyond_px - inner_px) / own.column_px)
     wide = replace(own, inner_px=inner_px, columns=columns, tail_columns=0, mixture=None)
     (marks,) = Unwrapper([wide]).unwrap(source.picture, source.optics.own)
-    return even_marks_squeeze(wide, marks)
+    return even_marks_squeeze(wide, marks) or squeeze_of(source.panel.gauges[index])

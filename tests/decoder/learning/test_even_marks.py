@@ -33,14 +33,18 @@ def clock(needle_deg: float, marks_deg: Sequence[float] = MINUTES_DEG, seed: int
     return paint(what, seed=seed)
 
 
-def drawn_aside(squeeze: Squeeze) -> dict[str, Any]:
-    """A clock's minutes as somebody draws them who gives two marks as they appear, its centre a little off."""
+def drawn_aside(squeeze: Squeeze, marks: int = 2, missed_deg: float = 0.0) -> dict[str, Any]:
+    """A clock's minutes as somebody draws them who gives marks as they appear, its centre a little off."""
+    values = [60.0 / marks * mark for mark in range(marks)]
+    off_deg = np.random.default_rng(3).normal(0.0, missed_deg, marks).tolist()
     return {
         "name": "clock",
         "centre": [CENTRE[0] + 0.8, CENTRE[1] - 0.6],
         "radius": [16, 56],
         "sweep": [270, 630],
-        "scale": [[appears_deg(angle_deg, squeeze), value] for angle_deg, value in ((270.0, 0), (450.0, 30))],
+        "scale": [
+            [appears_deg(270.0 + 6.0 * own, squeeze) + off, own] for own, off in zip(values, off_deg, strict=True)
+        ],
         "wraps": 60,
         "needles": [{"name": "minute_min", "template": {"at": appears_deg(PANEL_DEG, squeeze), "span": 16}}],
     }
@@ -70,6 +74,22 @@ def test_dial_stays_as_drawn_where_its_marks_do_not_show_a_squeeze(
     reader = reader_for([drawn_aside(squeeze)], aside(clock(PANEL_DEG, marks_deg), squeeze))
 
     assert squeezes_of_marks(reader.source) == (None,)
+
+
+@pytest.mark.parametrize("marks", [8, 12])
+def test_squeeze_is_found_from_many_marks_that_were_drawn(marks: int) -> None:
+    """Where the picture shows none, those that a hand drew, half a degree off each, still show the view."""
+    squeeze = Squeeze(0.03, -0.06)
+    blank = aside(clock(PANEL_DEG, []), squeeze)
+
+    found, none = (
+        squeezes_of_marks(reader_for([drawn_aside(own, marks, 0.5)], blank).source)[0]
+        for own in (squeeze, Squeeze(0.0, 0.0))
+    )
+
+    assert found is not None
+    assert np.allclose(found.matrix, squeeze.matrix, atol=0.01)
+    assert none is None
 
 
 def test_needle_is_read_between_two_marks_of_a_dial_seen_from_aside() -> None:
