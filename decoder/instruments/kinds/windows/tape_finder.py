@@ -122,13 +122,14 @@ class TapeFinder:
 
         A place that was never seen may differ from them in one digit of each numeral, which a score over the whole
         window hardly shows. Around it a 0 in place of an 8 leaves a sixteenth of what is printed there, and most
-        digits a third; half of the former may be left.
+        digits a third; half of the former may be left. The window may be more or less sharp than what was learned.
         """
         is_explained = np.zeros(len(which), bool)
         for place, number in enumerate(which.tolist()):
             fit = found.part(np.array([number]))
             own = ((self._at(self._known, fit.rows) > 1 - STILL_ROWS) * self._picture.weights)[0]
             shown = (fit.gains * self._at(self._picture.levels, fit.rows) + fit.lights)[0]
+            shown = _as_sharp(own, shown, strips[number])
             left = _detail(own, strips[number] - shown)
             is_explained[place] = _part_left(own, _detail(own, shown), left) < HALF**5
         return is_explained
@@ -382,6 +383,16 @@ def _detail(own: Floats, shown: Floats) -> Floats:
     """(R, C): what levels show beyond their mean around each cell, where they have weight."""
     plain: Floats = shown - _around(own * shown) / np.maximum(_around(own), ROUNDING)
     return plain
+
+
+def _as_sharp(own: Floats, shown: Floats, seen: Floats) -> Floats:
+    """(R, C): what a place shows, as sharp as a window: a little blur, along any line, adds second differences."""
+    sure = cv2.erode(own, np.ones((3, 3), np.uint8)).ravel()
+    along, across = np.gradient(shown)
+    modes = np.stack([*np.gradient(along), np.gradient(across, axis=1)]).reshape(3, -1)
+    weighed = modes * sure
+    parts = np.linalg.solve(weighed @ modes.T + ROUNDING * np.eye(3), weighed @ (seen - shown).ravel())
+    return np.asarray(shown + (parts @ modes).reshape(shown.shape), np.float32)
 
 
 def _part_left(own: Floats, told: Floats, left: Floats) -> float:
