@@ -315,7 +315,7 @@ def _of_card(
     card_px = 0.0
     if gauge.window is None:
         missed, points = _to_allow_for(-abs(log_odds)), _to_allow_for(log_odds)
-        doubt_px = pivot.sigma_px if path.was_moved else care.centres_part * rim_px
+        doubt_px = pivot.sigma_px if path.was_moved else care.centres_part * _drawn_px(gauge)
         card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
     aside_deg = 0.0 if squeeze is None else squeeze.turns_off_deg
     seen_deg = _parallax_deg(drawn, index) if gauge.turning else _squeezed_deg(drawn, index)
@@ -348,10 +348,16 @@ def _by_hand_deg(gauge: Gauge, care: _Care) -> float:
 
 def _hand_deg(gauge: Gauge, care: _Care) -> float:
     """Estimate how precisely one angle is drawn: like the panel's centres and marks, and to HAND_PX at best."""
-    missed = MARK_PART * care.centres_part
+    missed_px = min(MARK_PART * care.centres_part, MOST_MARK_PART) * _drawn_px(gauge)
     return math.degrees(
-        math.hypot(HAND_PX / gauge.arc_px, care.marks_px / gauge.radius[1], min(missed, MOST_MARK_PART))
+        math.hypot(HAND_PX / gauge.arc_px, care.marks_px / gauge.radius[1], missed_px / gauge.radius[1])
     )
+
+
+def _drawn_px(gauge: Gauge) -> float:
+    """Return how large a gauge is drawn: its radius, or half of a tube, of whose bend nobody draws the centre."""
+    is_tube = gauge.window is None and not (gauge.turning or gauge.is_round)
+    return gauge.radius[1] * (math.radians(np.ptp(gauge.sweep)) / 2 if is_tube else 1.0)
 
 
 def _missed_px(path: PivotPath, log_odds: float) -> Vector:

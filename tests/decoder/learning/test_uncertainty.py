@@ -215,6 +215,20 @@ def test_a_card_is_doubted_by_its_index_as_a_needle_is_by_where_it_was_cut(care_
     assert math.sqrt(card.drawn_deg**2 - missed_deg**2) == pytest.approx(needle.drawn_deg)
 
 
+@pytest.mark.parametrize("sag_px", [1.0, 12.0])
+def test_a_tube_is_doubted_by_its_length_however_little_it_is_bent(sag_px: float) -> None:
+    """The straighter it is, the further away is the centre of its bend, which nobody drew."""
+
+    def with_ball(content: dict[str, Any]) -> None:
+        tube = [[140.0, 110.0, -10.0], [180.0, 110.0 + sag_px, 0.0], [220.0, 110.0, 10.0]]
+        content["gauges"][0] = {"name": "slip", "ball": {"name": "slip_deg", "tube": tube, "width": 20.0}}
+
+    drawn = reader_of(with_ball).source
+    found = uncertainties_of(drawn, care_part=0.03)["slip_deg"]
+
+    assert 0.5 < math.radians(found.drawn_deg) * drawn.panel.gauges[0].radius[1] < 2.5
+
+
 def test_marks_that_may_be_points_are_doubted_least_where_the_needle_was_cut() -> None:
     """Mark and needle are seen from the same wrong centre: there the errors cancel except for the different radii."""
     drawn = reader_of().source
