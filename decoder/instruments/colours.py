@@ -206,7 +206,8 @@ def _clearness(
 
     Contrasts are in sigmas of noise. The noise of each colour is at least that of sensors and JPEGs, and more if the
     stillest part of the dial differs by more. Without needles, all pixels count although few of them move, so the
-    contrast is scaled: noise alone just reaches the limit for a clear contrast.
+    contrast is scaled: noise alone just reaches the limit for a clear contrast. What changes around a window, such as
+    the lamp beside it, is not its own.
     """
     weights = parts.astype(np.float32)
     own = drawn @ weights
@@ -218,7 +219,8 @@ def _clearness(
     spread = MAD_TO_SIGMA * float(np.quantile(np.median(np.abs(left), axis=0), STILL_PART))
     noise = float(np.hypot(spread, NOISE_LEVELS * np.linalg.norm(parts)))
     shown = [(own - usual)[its] for its in needles]
-    moves = [*shown, *(_difference(*both) for both in combinations(shown, 2))] or [CLEARLY_WORSE * left]
+    inside = left[:, *grid.within] if isinstance(grid, WindowGrid) else left
+    moves = [*shown, *(_difference(*both) for both in combinations(shown, 2))] or [CLEARLY_WORSE * inside]
     return [math.sqrt(float(np.mean(each**2))) / noise for each in moves]
 
 

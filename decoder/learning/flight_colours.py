@@ -42,8 +42,8 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     ----------
     lost
         The gauges that may not be visible as they are read now. The others keep their mixture, except windows in which
-        luma shows no change at all: a lamp that turns from green to red would otherwise be read confidently, as never
-        lit.
+        luma shows no change at all, and lamps: sun on one that turns from green to red is a change, but one that is as
+        bright in either would be read confidently, as never lit.
     sample
         Returns frames of the flight. A few show what turns; windows need more, as a lamp is lit in some frames only.
     """
@@ -79,7 +79,7 @@ def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is
     frames that are not among these.
     """
     gauge, grid = placed.gauge, placed.sampled
-    is_lost = is_lost or not changes_in_luma(grid, drawn, frames)
+    is_lost = is_lost or gauge.kind.brightens is not None or not changes_in_luma(grid, drawn, frames)
 
     def left_in(levels: Callable[[Floats], Floats]) -> float | None:
         return kind_of(gauge).unexplained(placed, levels(drawn), [levels(each) for each in frames])

@@ -206,11 +206,19 @@ RED_LIGHT: Colour = (200.0, 22.0, 10.0)
 
 
 def windows(
-    flap_deg: float, seed: int, *, is_red: bool, sun: float = 1.0, words: bool = False, pointer: Colour = RED
+    flap_deg: float,
+    seed: int,
+    *,
+    is_red: bool,
+    sun: float = 1.0,
+    words: bool = False,
+    pointer: Colour = RED,
+    beside: float = 95.0,
+    haze: float = 0.0,
 ) -> bytes:
     """A JPEG of a pointer on a teal track as bright as red, and of a lamp that is green, or red and as bright.
 
-    With words, each of the lamp's colours has its own on it.
+    With words, each of the lamp's colours has its own on it. A white lamp may be `beside` it, and haze on it.
     """
 
     def plane(place: int) -> np.ndarray:
@@ -225,6 +233,8 @@ def windows(
         canvas.polygon([(150, 110), (174, 110), (174, 126), (150, 126)], (RED_LIGHT if is_red else GREEN)[place])
         for x in range(153 + 2 * is_red, 172, 4) if words else ():
             canvas.polygon([(x, 113), (x + 2, 113), (x + 2, 123), (x, 123)], 170.0)
+        canvas.polygon([(179, 108), (190, 108), (190, 128), (179, 128)], beside)
+        canvas.picture[110:126, 150:174] += (haze * (255.0 - canvas.picture[110:126, 150:174])).astype(np.uint8)
         canvas.picture[:] = (canvas.picture * sun).astype(np.uint8)
         return finished(canvas, noise=2.0, blur=0.7, quality=98, seed=3 * seed + place)
 
@@ -253,6 +263,20 @@ def test_windows_in_which_luma_shows_no_change_are_read_in_their_colours(*, word
     assert scale.values_at(np.array([each["flap_deg"].angle_deg for each in read])) == pytest.approx(flaps_deg, abs=0.3)
     assert fitted.findings["gen"][0].startswith("read in red")
     assert fitted.findings["flaps"][0].startswith("read in red")
+
+
+def test_a_lamp_as_bright_in_both_colours_is_read_where_luma_shows_other_changes() -> None:
+    """Another lamp beside it, and haze over it, had kept it from being read in a colour: it was off throughout."""
+    red = [number // 5 % 2 == 1 for number in range(24)]
+    jpegs = [
+        windows(10.0, seed, is_red=each, beside=240.0 if seed % 7 < 3 else 95.0, haze=0.04 * (seed % 4))
+        for seed, each in enumerate(red, start=1)
+    ]
+    fitted = fitted_of([LAMP], windows(10.0, 0, is_red=False), jpegs)
+    read = [each.readings["gen_fail_on"] for each in read_of(fitted, jpegs)]
+
+    assert all(own.status is Status.MISSING or bool(own.angle_deg) == each for own, each in zip(read, red, strict=True))
+    assert sum(own.status is Status.READ for own in read) > len(read) / 2
 
 
 def test_pointer_that_luma_shows_is_read_in_luma() -> None:
