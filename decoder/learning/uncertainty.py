@@ -348,7 +348,8 @@ def _by_hand_deg(gauge: Gauge, care: _Care) -> float:
 
 def _hand_deg(gauge: Gauge, care: _Care) -> float:
     """Estimate how precisely one angle is drawn: like the panel's centres and marks, and to HAND_PX at best."""
-    missed_px = min(MARK_PART * care.centres_part, MOST_MARK_PART) * _drawn_px(gauge)
+    missed = MARK_PART * care.centres_part
+    missed_px = min(missed, MOST_MARK_PART) * _drawn_px(gauge)
     return math.degrees(
         math.hypot(HAND_PX / gauge.arc_px, care.marks_px / gauge.radius[1], missed_px / gauge.radius[1])
     )
