@@ -457,14 +457,13 @@ def _squeezed_deg(drawn: PanelPictures, index: int) -> float:
 
 
 def _between_marks_deg(quantity: Quantity, part: float) -> float:
-    """Estimate the error of a needle that goes all the way round, between marks of a dial with such a squeeze.
+    """Estimate the error of a needle between marks of a dial with such a squeeze.
 
     Marks are drawn where they appear on the ellipse, and a needle between two of them is read as if along a circle.
     """
-    if quantity.wraps is None or not part:
-        return 0.0
-    marks = np.sort(np.radians([angle_deg for angle_deg, _ in quantity.marks]) % math.tau)
-    around = np.append(marks, marks[0] + math.tau)
+    around = np.sort(np.radians([angle_deg for angle_deg, _ in quantity.marks]))
+    if quantity.wraps is not None:
+        around = np.append(around, around[0] + math.tau)
     angles = np.linspace(around[0], around[-1], BETWEEN_MARKS)
     ahead = np.exp(2j * angles) - np.interp(angles, around, np.exp(2j * around))
     return math.degrees(part / math.sqrt(2.0) * math.sqrt(float(np.square(np.abs(ahead)).mean())))

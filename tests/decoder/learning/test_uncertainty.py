@@ -360,23 +360,26 @@ def test_what_a_drawing_leaves_in_doubt_is_in_sigma() -> None:
         assert each.drawn_deg == pytest.approx(math.hypot(before[name].drawn_deg, added))
 
 
-@pytest.mark.parametrize("marks", [2, 12])
-def test_a_needle_is_doubted_between_marks_where_another_dial_is_seen_obliquely(marks: int) -> None:
+@pytest.mark.parametrize(("marks", "around_deg"), [(2, 360.0), (12, 360.0), (2, 240.0)])
+def test_a_needle_is_doubted_between_marks_where_another_dial_is_seen_obliquely(marks: int, around_deg: float) -> None:
     """Its own dial may appear as the same ellipse: intervals hold then as well, whichever way that lies."""
-    part, drawn_deg = 0.03, [270.0 + 360.0 / marks * mark for mark in range(marks)]
+    goes_round = around_deg == 360.0
+    part, last_deg = 0.03, 150.0 + around_deg
+    drawn_deg = np.linspace(150.0, last_deg, marks, endpoint=not goes_round).tolist()
 
     def with_rounds(content: dict[str, Any]) -> None:
-        scale = [[angle_deg, (angle_deg - 270.0) / 6.0] for angle_deg in drawn_deg]
-        content["gauges"][0] |= {"sweep": [0, 360], "scale": scale, "wraps": 60}
+        scale = [[angle_deg, (angle_deg - 150.0) / 6.0] for angle_deg in drawn_deg]
+        content["gauges"][0] |= {"sweep": [150, last_deg], "scale": scale} | ({"wraps": 60} if goes_round else {})
 
     drawn = reader_of(with_rounds).source
     others = (Squeeze(part, 0.0),) * len(drawn.panel.gauges)
     before, after = (uncertainties_of(drawn, squared_up=each)["speed_kt"] for each in ((), (None, *others[1:])))
+    ends_deg = [*drawn_deg, last_deg] if goes_round else drawn_deg
     off_deg = []
-    for turn, needle_deg in np.random.default_rng(5).uniform((0.0, 270.0), (math.tau, 630.0), (500, 2)).tolist():
+    for turn, needle_deg in np.random.default_rng(5).uniform((0.0, 150.0), (math.tau, last_deg), (500, 2)).tolist():
         own = Squeeze(part * math.cos(turn), part * math.sin(turn))
-        true_deg = [own.square_on_deg(angle_deg) for angle_deg in (*drawn_deg, 630.0)]
-        off_deg.append(own.square_on_deg(needle_deg) - np.interp(needle_deg, (*drawn_deg, 630.0), true_deg))
+        true_deg = [own.square_on_deg(angle_deg) for angle_deg in ends_deg]
+        off_deg.append(own.square_on_deg(needle_deg) - np.interp(needle_deg, ends_deg, true_deg))
 
     assert len(others) > 1
     assert math.sqrt(after.seen_deg**2 - before.seen_deg**2) == pytest.approx(np.std(off_deg), rel=0.1)
