@@ -257,7 +257,7 @@ def _views(
             yield _View(0.0, 0.0)
         else:
             along_part = others_part if own is None else part_of(own)
-            yield _View(*(math.hypot(part, USUAL_VIEW**2 / 4) for part in (others_part, along_part)))
+            yield _View(others_part, math.hypot(along_part, USUAL_VIEW**2 / 4))
 
 
 def _of_other(
@@ -464,6 +464,7 @@ def _between_marks_deg(quantity: Quantity, part: float) -> float:
     around = np.sort(np.radians([angle_deg for angle_deg, _ in quantity.marks]))
     if quantity.wraps is not None:
         around = np.append(around, around[0] + math.tau)
+        part = math.hypot(part, USUAL_VIEW**2 / 4)
     angles = np.linspace(around[0], around[-1], BETWEEN_MARKS)
     ahead = np.exp(2j * angles) - np.interp(angles, around, np.exp(2j * around))
     return math.degrees(part / math.sqrt(2.0) * math.sqrt(float(np.square(np.abs(ahead)).mean())))
