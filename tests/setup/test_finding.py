@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -236,6 +237,23 @@ def test_noise_has_no_glyphs(blur_px: float) -> None:
         picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), blur_px), np.uint8)
 
     assert numbers_at(picture, 2.0) == []
+
+
+def test_a_grille_takes_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of its holes may be a glyph, and a table of all their pairs would take gigabytes for a large one."""
+    rows: list[object] = []
+    monkeypatch.setattr("decoder.setup.finding.numerals._read_row", lambda _, row, __: rows.append(row))
+    picture = np.full((600, 600), 170, np.uint8)
+    for column, row in np.ndindex(40, 40):
+        cv2.circle(picture, (20 + 14 * column, 20 + 14 * row), 3, 40, -1, cv2.LINE_AA)
+
+    tracemalloc.start()
+    numbers_at(picture, 2.0)
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+
+    assert len(rows) >= 1600
+    assert peak_bytes < 60e6
 
 
 @pytest.mark.slow

@@ -216,15 +216,19 @@ def _glyphs(dark: NDArray[np.uint8]) -> Floats:
 def _rows(glyphs: Floats) -> Iterator[Floats]:
     """Yield glyphs of about one height that stand side by side, from left to right."""
     left, top, wide, high = glyphs.T
-    middle = top + high / 2
-    bigger, smaller = np.maximum(high[:, None], high), np.minimum(high[:, None], high)
-    gap = left - (left + wide)[:, None]
-    # The next one may begin a little before the last has ended, as in slanted print.
-    follows = (left > left[:, None]) & (np.abs(gap) <= HALF * bigger) & (bigger <= MOST_BEND * smaller)
-    follows &= np.abs(middle - middle[:, None]) <= HALF * smaller
-    nearest = np.where(follows, np.abs(gap), np.inf)
-    after = {int(one): int(nearest[one].argmin()) for one in np.flatnonzero(follows.any(axis=1))}
-    after = {one: other for one, other in after.items() if int(nearest[:, other].argmin()) == one}
+    middle, right = top + high / 2, left + wide
+    # The glyph that each is the next of, and how far it is from it; a grille has too many holes for a table of pairs.
+    before: dict[int, tuple[float, int]] = {}
+    for one in range(len(glyphs)):
+        bigger, smaller = np.maximum(high, high[one]), np.minimum(high, high[one])
+        # The next one may begin a little before the last has ended, as in slanted print.
+        gap = np.abs(left - right[one])
+        follows = (left > left[one]) & (gap <= HALF * bigger) & (bigger <= MOST_BEND * smaller)
+        follows &= np.abs(middle - middle[one]) <= HALF * smaller
+        if follows.any():
+            other = int(np.where(follows, gap, np.inf).argmin())
+            before[other] = min(before.get(other, (math.inf, one)), (float(gap[other]), one))
+    after = {one: other for other, (_, one) in before.items()}
     for first in sorted(set(range(len(glyphs))) - set(after.values())):
         row = [first]
         while row[-1] in after:
