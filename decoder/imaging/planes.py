@@ -77,11 +77,13 @@ def camera_over_panel(normalised: Matrix) -> tuple[float, float, float]:
 class Squeeze:
     """An ellipse as which a circle appears: its diameters are as (1 + part) to (1 - part).
 
-    `across` and `askew` are that part times the cosine and the sine of twice the angle of its longest diameter.
+    `across` and `askew` are that part times the cosine and the sine of twice the angle of its longest diameter; `doubt`
+    is the part's standard uncertainty, as far as it is known.
     """
 
     across: float
     askew: float
+    doubt: float = 0.0
 
     @property
     def matrix(self) -> Matrix:

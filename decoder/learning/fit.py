@@ -36,7 +36,6 @@ from decoder.learning.drawn_points import (
     slip_findings,
     uneven_deg,
 )
-from decoder.learning.even_marks import squeezes_of_marks
 from decoder.learning.flight_appearance import (
     kept_where_better,
     learn_appearance,
@@ -48,6 +47,7 @@ from decoder.learning.flight_appearance import (
 from decoder.learning.flight_colours import in_best_colours
 from decoder.learning.flight_focus import as_sharp_as_frames
 from decoder.learning.flight_sample import Sample, Tell, align_sample, frames_wanted, nobody, with_usual_place
+from decoder.learning.obliqueness import squeezes_seen
 from decoder.learning.pivot_path import PivotPath, Vector
 from decoder.learning.pivots import (
     any_lift_is_off,
@@ -292,7 +292,7 @@ def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[_Known] = 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
     """Learn a first time, then again in better colours, with lost dials squared up."""
-    if any(squeezes := squeezes_of_marks(reader.source)):
+    if any(squeezes := squeezes_seen(reader.source)):
         reader = squared_up(reader, squeezes)
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)

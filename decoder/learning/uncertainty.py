@@ -253,7 +253,9 @@ def _views(
     none = (None,) * len(drawn.panel.gauges)
     others_part = max((part_of(each) for each in squared_up if each is not None), default=0.0)
     for index, (own, known) in enumerate(zip(squeezes or none, squared_up or none, strict=True)):
-        if known is not None or drawn.grid(index).plane is not None:
+        if known is not None:
+            yield _View(known.doubt, known.doubt)
+        elif drawn.grid(index).plane is not None:
             yield _View(0.0, 0.0)
         else:
             along_part = others_part if own is None else part_of(own)

@@ -277,7 +277,7 @@ def card_squeeze(
     if len(strips) <= 1:
         return None
     search = _ViewSearch.of(grid, strips)
-    square_on, round_view = search.climbed(np.zeros(4), axes - SQUEEZE_AXES)
+    square_on, round_view = search.climb(np.zeros(4), axes - SQUEEZE_AXES)
     highest, view = search.best(axes, round_view)
     return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on) else None
 
@@ -302,15 +302,15 @@ class _ViewSearch:
         seen = ((self.radius_px * x, self.radius_px * y, Squeeze(*own)) for x, y, *own in views.tolist())
         return np.array([_alike(self.rings.around((x_px, y_px), squeeze)) for x_px, y_px, squeeze in seen])
 
-    def climbed(self, start: Floats, axes: Axes) -> tuple[float, Floats]:
+    def climb(self, start: Floats, axes: Axes) -> tuple[float, Floats]:
         """Climb from a view (4,) to a better one; return how well frames match in it, and the view."""
-        return _climbed(self.score, start, axes, self.reach)
+        return climbed(self.score, start, axes, self.reach)
 
     def best(self, axes: Axes, square_on: Floats) -> tuple[float, Floats]:
         """Climb to the best view, also from the best without a squeeze."""
-        squeezes = np.pad(_disc(self.reach, STEP_PART), ((0, 0), (2, 0)))
+        squeezes = np.pad(disc(self.reach, STEP_PART), ((0, 0), (2, 0)))
         starts = np.zeros(4), square_on, squeezes[self.score(squeezes).argmax()]
-        return max((self.climbed(start, axes) for start in starts), key=itemgetter(0))
+        return max((self.climb(start, axes) for start in starts), key=itemgetter(0))
 
 
 def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None:
@@ -329,13 +329,12 @@ def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None
         return np.array([_even(rings.around((x_px, y_px), squeeze)[0]) for x_px, y_px, squeeze in seen])
 
     # Many marks are in step in some wrong views too, so views have to be close to each other, if not with all radii.
-    near, views = _disc(reach / 4, STEP_PART / 2), _disc(reach / 2, STEP_PART / 2)
+    near, views = disc(reach / 4, STEP_PART / 2), disc(reach / 2, STEP_PART / 2)
     starts = np.array([[*offset, *squeeze] for offset in near for squeeze in views])
     thin = replace(rings, radii_px=rings.radii_px[::BANDS])
     likely = starts[np.argsort(score(starts, thin))[-BANDS:]]
-    square_on, _ = _climbed(score, np.zeros(4), ALL_AXES - SQUEEZE_AXES, reach)
-    climbed = [_climbed(score, start, ALL_AXES, reach) for start in likely]
-    highest, view = max(climbed, key=itemgetter(0))
+    square_on, _ = climbed(score, np.zeros(4), ALL_AXES - SQUEEZE_AXES, reach)
+    highest, view = max((climbed(score, start, ALL_AXES, reach) for start in likely), key=itemgetter(0))
     is_clear = 1.0 - highest < min(HALF * HALF, FAR_GAIN * (1.0 - square_on))
     return Squeeze(*view[2:].tolist()) if is_clear else None
 
@@ -362,7 +361,7 @@ def _waves_of_marks(count: int) -> Floats:
     return is_of
 
 
-def _climbed(score: Score, start: Floats, axes: Axes, reach: float) -> tuple[float, Floats]:
+def climbed(score: Score, start: Floats, axes: Axes, reach: float) -> tuple[float, Floats]:
     """Climb along some axes of a view to a peak of the score in ever smaller steps; return its height and place.
 
     A view (4,) is an offset and a squeeze, all as parts of the radius; together they stay within `reach`.
@@ -398,7 +397,7 @@ def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
 def _finest(score: Score, offset_px: Floats, step_px: float) -> Vector:
     """Climb to the peak of a score in ever smaller steps."""
     for _ in range(2):
-        steps = step_px * _disc(1.5, 1.0)
+        steps = step_px * disc(1.5, 1.0)
         offset_px = offset_px + _peak(steps, score(offset_px + steps), step_px)
         step_px /= 2
     return float(offset_px[0]), float(offset_px[1])
@@ -515,7 +514,7 @@ def _best(
         return -likely
 
     drawn = float(score(np.zeros((1, 2)))[0])
-    first = _disc(reach_px, STEP_PART * radius_px)
+    first = disc(reach_px, STEP_PART * radius_px)
     start = first[liked(first).argmax()]
     last_px = LAST_STEP_PART * radius_px
     steps = np.stack(np.meshgrid([-last_px, 0.0, last_px], [-last_px, 0.0, last_px]), axis=-1).reshape(-1, 2)
@@ -527,7 +526,7 @@ def _best(
     return float(offset[0]), float(offset[1])
 
 
-def _disc(reach: float, step: float) -> Floats:
+def disc(reach: float, step: float) -> Floats:
     """(N, 2): a square grid of offsets up to a distance."""
     count = math.floor(reach / step)
     ticks = step * np.arange(-count, count + 1)

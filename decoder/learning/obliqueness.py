@@ -1,0 +1,271 @@
+"""How obliquely each dial is seen, from the marks and the circles in the panel picture.
+
+Seen obliquely a dial appears as an ellipse. On one that is read all the way round marks are even, and crowd together
+and draw apart along the ellipse. Bezels, the ends of marks and coloured arcs are circles, but one dial's may mislead,
+as where a square frame or a pattern is all that shows around it. The dials of a flat panel are all seen by one camera,
+so its view is fitted to what most of them show, and tells how the others are seen.
+
+Whoever draws a dial gives marks where they appear. In between, a needle would be read as if it were seen square on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import itemgetter
+from typing import Self
+
+import cv2
+import numpy as np
+
+from decoder.imaging.motion import jacobian
+from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.planes import Squeeze
+from decoder.imaging.resampling import levels_at
+from decoder.imaging.thresholds import HALF
+from decoder.imaging.unwrapping import Unwrapper, polar
+from decoder.learning.drawn_points import squeeze_of
+from decoder.learning.thresholds import MOST_MARK_PART
+from decoder.matching.pivot_search import ALL_AXES, SQUEEZE_AXES, climbed, even_marks_squeeze
+from decoder.matching.thresholds import FAR_GAIN, MIN_VIEWS
+from decoder.panel.arrays import Floats
+from decoder.panel.gauge import Gauge
+from decoder.registration.thresholds import NOISE_LEVELS
+
+# A dial is sampled with this many pixels for its radius, on circles between these parts of it: needles end within a
+# bezel, which may be as wide as half of it.
+RADIUS_PX, CIRCLES = 40, np.linspace(0.35, 1.8, 64)
+AROUND = np.arange(0.0, math.tau, math.tau / 180)
+# The middle of a bezel is at most this far from the drawn centre, and the squeeze in sum with it, in radii.
+REACH = 0.35
+# From where squeezes are searched for, beside none.
+FIRST_PART, DIRECTIONS = 0.07, np.arange(0.0, math.tau, math.tau / 8)
+# Squeezes agree if they differ by hardly more than this; a view is searched for by what agrees more coarsely first.
+AGREEING = 0.012
+WITHIN = (4 * AGREEING, 2 * AGREEING, AGREEING)
+# Where a camera may be that says nothing about itself: the tangents of its slope, to be tried in steps; its focal
+# length in widths of its pictures, as a logarithm; and by which part more it enlarges what lies one width off its axis.
+# The last two with what they usually are, and by how much they usually differ from that.
+SLOPES, FOCALS, STARTS = np.linspace(-0.8, 0.8, 33), (-0.25, 0.1, 0.45), 5
+USUAL_LENS, LENS_SPREAD = np.array([0.1, 0.0]), np.array([0.5, 0.3])
+# In sum, an unusual lens counts as much against a view as this part of the dials.
+LENS_WEIGHT = 0.02
+FIRST_STEPS, HALVINGS = np.array([0.025, 0.025, 0.15, 0.1]), 6
+
+
+def squeezes_seen(source: PanelPictures) -> tuple[Squeeze | None, ...]:
+    """For each gauge, return how the view squeezes it, if the panel does not say so and its picture shows it."""
+    source = source.with_planes()
+    gauges, planes = source.panel.gauges, source.planes or ()
+    wanted = [plane is None and _is_read_by_angles(gauge) for gauge, plane in zip(gauges, planes, strict=True)]
+    if not any(wanted):
+        return (None,) * len(gauges)
+    seen = {index: _Seen.of(source, index) for index, gauge in enumerate(gauges) if _is_dial(gauge)}
+    told = _told(list(seen.values()))
+    if told is not None:
+        squeezes = dict(zip(seen, told, strict=True))
+    else:
+        squeezes = {index: _squeeze_of_marks(source, index) or each.sure for index, each in seen.items()}
+    return tuple(squeezes[index] if is_wanted else None for index, is_wanted in enumerate(wanted))
+
+
+def _is_dial(gauge: Gauge) -> bool:
+    """Whether a gauge has a middle of its own that was drawn, and so perhaps circles around it."""
+    return gauge.window is None and not gauge.is_in_picture
+
+
+def _is_read_by_angles(gauge: Gauge) -> bool:
+    return _is_dial(gauge) and not any(quantity.is_shift for quantity in gauge.quantities)
+
+
+def _squeeze_of_marks(source: PanelPictures, index: int) -> Squeeze | None:
+    """Estimate the squeeze of a dial that is read all the way round, by its marks in the picture or as drawn."""
+    gauge = source.panel.gauges[index]
+    if any(quantity.wraps is None for quantity in gauge.quantities):
+        return None
+    own = polar(source.grid(index))
+    outer_px = float(own.radii_px[-1])
+    inner_px, beyond_px = HALF * outer_px, (1.0 + HALF) * outer_px
+    columns = math.ceil((beyond_px - inner_px) / own.column_px)
+    wide = replace(own, inner_px=inner_px, columns=columns, tail_columns=0, mixture=None)
+    (marks,) = Unwrapper([wide]).unwrap(source.picture, source.optics.own)
+    return even_marks_squeeze(wide, marks) or squeeze_of(gauge)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """How a dial appears by its own circles.
+
+    Attributes
+    ----------
+    place
+        (2,), from the picture's middle, in widths of the picture.
+    squeeze
+        (2,): the parts of the squeeze in which most of what it shows are circles.
+    share
+        How much of it that is, in [0, 1]: if more than half, it is hardly wrong.
+    share_square_on
+        How much of it are circles in no squeeze.
+    share_of
+        How much of it are circles in another one (2,).
+    """
+
+    place: Floats
+    squeeze: Floats
+    share: float
+    share_square_on: float
+    share_of: Callable[[Floats], float]
+
+    @classmethod
+    def of(cls, source: PanelPictures, index: int) -> Self:
+        """Look at the gauge with this index, unless the panel says how it is seen."""
+        (width, height), gauge = source.optics.size_px, source.panel.gauges[index]
+        centre = source.optics.straight(np.array(gauge.centre, np.float64)[:, None])[:, 0]
+        place = (centre - np.array([width, height]) / 2) / width
+        plane = source.planes[index] if source.planes else None
+        if plane is not None:
+            seen = jacobian(plane.matrix, (0.0, 0.0))
+            (known,) = _parts((seen @ seen.T)[None])
+            return cls(place, known, 1.0, 0.0, lambda squeeze: float(_agreement(squeeze - known)))
+        circles = _Circles.of(source, centre, gauge.radius[1])
+        share_square_on, middle = circles.around(np.zeros(2))
+        share, squeeze = circles.best(middle)
+        return cls(place, squeeze, share, share_square_on, lambda squeeze: circles.around(squeeze)[0])
+
+    @property
+    def sure(self) -> Squeeze | None:
+        """The squeeze, if hardly anything else than circles shows around the dial."""
+        return _clear(self.squeeze, AGREEING) if self.share > HALF else None
+
+    @property
+    def gains(self) -> bool:
+        """Whether clearly more of what the dial shows are circles in its squeeze than in none."""
+        return 1.0 - self.share < FAR_GAIN * (1.0 - self.share_square_on)
+
+    def told(self, squeeze: Floats) -> Squeeze | None:
+        """Believe others about its squeeze (2,), with a large doubt if clearly more are circles in none."""
+        loses = 1.0 - self.share_square_on < FAR_GAIN * (1.0 - self.share_of(squeeze))
+        return _clear(squeeze, max(AGREEING, HALF * math.hypot(*squeeze)) if loses else AGREEING)
+
+
+def _clear(squeeze: Floats, doubt: float) -> Squeeze | None:
+    """Return a squeeze (2,) unless readings hardly change with it."""
+    return Squeeze(*squeeze.tolist(), doubt) if math.hypot(*squeeze) > MOST_MARK_PART else None
+
+
+def _told(seen: Sequence[_Seen]) -> list[Squeeze | None] | None:
+    """For each dial, estimate its squeeze from the view in which most agree; None if too few do to tell.
+
+    It has to square up some of those that agree. A dial that disagrees is believed if it is sure, as one that is turned
+    towards the pilot.
+    """
+    own, shares = np.stack([each.squeeze for each in seen]), np.array([each.share for each in seen])
+    told = _likely_view(np.stack([each.place for each in seen]), own, shares)
+    agrees = _agreement(told - own) > HALF
+    if sum(each.gains for each, is_like in zip(seen, agrees, strict=True) if is_like) < MIN_VIEWS:
+        return None
+    doubt = math.sqrt(float(np.square(told - own)[agrees].sum(axis=1).mean()))
+    return [
+        _clear((there + each.squeeze) / 2, doubt) if is_like else each.sure or each.told(there)
+        for each, there, is_like in zip(seen, told, agrees, strict=True)
+    ]
+
+
+def _likely_view(places: Floats, own: Floats, shares: Floats) -> Floats:
+    """(N, 2): the squeezes at places (N, 2) in the view with which most of what N dials show agrees."""
+
+    def agreement(view: Floats, within: float = AGREEING) -> float:
+        unusual = float(np.square((view[2:] - USUAL_LENS) / LENS_SPREAD).sum())
+        agrees = _agreement(_seen_from(view, places) - own, within)
+        return float(shares @ agrees - LENS_WEIGHT * unusual * shares.sum())
+
+    views = [np.array([x, y, focal, 0.0]) for x in SLOPES for y in SLOPES for focal in FOCALS]
+    for within in WITHIN:  # the widest first, in which no view is missed between two of them
+        about = partial(agreement, within=within)
+        views = [_higher(about, view) for view in sorted(views, key=about)[-STARTS:]]
+    return _seen_from(max(views, key=agreement), places)
+
+
+def _higher(agreement: Callable[[Floats], float], view: Floats) -> Floats:
+    """(4,): climb from a view to where agreement is highest."""
+    for halved in range(HALVINGS):
+        steps = np.diag(FIRST_STEPS) / 2**halved
+        likely = max((view + step for step in (*steps, *-steps)), key=agreement)
+        while agreement(likely) > agreement(view):
+            view = likely
+            likely = max((view + step for step in (*steps, *-steps)), key=agreement)
+    return view
+
+
+def _agreement(apart: Floats, within: float = AGREEING) -> Floats:
+    """(N,): how well squeezes that differ by so much (N, 2) agree; an outlier hardly counts."""
+    agrees: Floats = 1.0 / (1.0 + np.square(apart).sum(axis=-1) / within**2)
+    return agrees
+
+
+def _seen_from(view: Floats, places: Floats) -> Floats:
+    """(N, 2): the squeezes of dials on a flat panel, at places (N, 2), from a camera's slope and lens (4,).
+
+    What is a step along the panel appears as its components beside the direction in which the camera sees that place.
+    """
+    slope, (focal, barrel) = view[:2], view[2:]
+    beside = places / math.exp(focal)
+    ahead = slope - beside
+    even = np.eye(2) + beside[:, :, None] * beside[:, None, :]
+    squared = (1.0 + slope @ slope) * even - ahead[:, :, None] * ahead[:, None, :]
+    off_px2 = np.square(places).sum(axis=1)[:, None, None]
+    lens = (1.0 + barrel * off_px2) * np.eye(2) + 2.0 * barrel * places[:, :, None] * places[:, None, :]
+    return _parts(lens @ squared @ lens)
+
+
+def _parts(squared: Floats) -> Floats:
+    """(N, 2): the squeezes in which a unit circle appears so far from its middle along any x: the root of x A x."""
+    half = squared + np.sqrt(np.linalg.det(squared))[:, None, None] * np.eye(2)
+    parts: Floats = np.stack([half[:, 0, 0] - half[:, 1, 1], 2.0 * half[:, 0, 1]], axis=1)
+    return parts / np.trace(half, axis1=1, axis2=2)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Circles:
+    """A picture of a dial, square, with `RADIUS_PX` for its radius, and its circles' points about its middle."""
+
+    picture: Floats
+
+    @classmethod
+    def of(cls, source: PanelPictures, centre: Floats, radius_px: float) -> Self:
+        """Cut it out of the panel picture, without the lens's distortion."""
+        fine = max(1, round(radius_px / RADIUS_PX))
+        reach = math.ceil(RADIUS_PX * (1.0 + REACH) * CIRCLES[-1])
+        ticks = np.arange(-reach, reach + 1, 1 / fine) * (radius_px / RADIUS_PX)
+        points = np.stack(np.meshgrid(*(at + ticks for at in centre)), axis=-1).astype(np.float32)
+        levels = levels_at(source.picture, source.optics.own.places(points)).reshape(points.shape[:2])
+        return cls(cv2.resize(levels.astype(np.float32), None, fx=1 / fine, fy=1 / fine, interpolation=cv2.INTER_AREA))
+
+    def best(self, middle: Floats) -> tuple[float, Floats]:
+        """Search from around a middle for the squeeze (2,) with the largest share of circles; return both."""
+        squeezes = FIRST_PART * np.stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)], axis=1)
+        starts = np.array([[*middle, *squeeze] for squeeze in (np.zeros(2), *squeezes)])
+        share, view = max((climbed(self.shares, start, ALL_AXES, REACH) for start in starts), key=itemgetter(0))
+        return share, view[2:]
+
+    def around(self, squeeze: Floats) -> tuple[float, Floats]:
+        """Search for the middle (2,), in radii, with the largest share of circles in a squeeze (2,); return both."""
+        share, view = climbed(self.shares, np.array([0.0, 0.0, *squeeze]), ALL_AXES - SQUEEZE_AXES, REACH)
+        return share, view[:2]
+
+    def shares(self, views: Floats) -> Floats:
+        """(N,): which share of what changes along the radii does so on whole circles, in each of N views (4,)."""
+        return np.array([self._share(*view) for view in views.tolist()])
+
+    def _share(self, right: float, down: float, across: float, askew: float) -> float:
+        x, y = (RADIUS_PX * CIRCLES * wave(AROUND)[:, None] for wave in (np.cos, np.sin))
+        middle = len(self.picture) // 2
+        (x_x, x_y), (y_x, y_y) = Squeeze(across, askew).matrix
+        places = np.stack(
+            [x_x * x + x_y * y + middle + RADIUS_PX * right, y_x * x + y_y * y + middle + RADIUS_PX * down], axis=-1
+        )
+        changes = np.diff(levels_at(self.picture, places.astype(np.float32)).reshape(x.shape), axis=1)
+        on_circles = float(np.square(changes.mean(axis=0)).sum())
+        return on_circles / float(np.square(changes).mean(axis=0).sum() + NOISE_LEVELS**2 * changes.shape[1])
