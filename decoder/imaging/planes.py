@@ -91,10 +91,14 @@ class Squeeze:
         return np.array([[1.0 + self.across, self.askew], [self.askew, 1.0 - self.across]])
 
     @property
+    def part(self) -> float:
+        """By which part diameters are longer or shorter, at most."""
+        return math.hypot(self.across, self.askew)
+
+    @property
     def aside_deg(self) -> float:
         """The angle off axis from which a dial appears like that."""
-        part = math.hypot(self.across, self.askew)
-        return math.degrees(math.acos((1.0 - part) / (1.0 + part)))
+        return math.degrees(math.acos((1.0 - self.part) / (1.0 + self.part)))
 
     @property
     def turns_off_deg(self) -> float:
@@ -103,7 +107,7 @@ class Squeeze:
         The error of a turn from one angle to another, both from the longest diameter, is the part times the difference
         of the sines of twice these angles. All turns are assumed to begin where that is worst, as a flight's may.
         """
-        return math.degrees(math.sqrt(1.5) * math.hypot(self.across, self.askew))
+        return math.degrees(math.sqrt(1.5) * self.part)
 
     def square_on_deg(self, angle_deg: float) -> float:
         """Convert an angle as it appears to the dial's own, in the same turn."""

@@ -56,6 +56,7 @@ from decoder.learning.pivots import (
     lifts_missing,
 )
 from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces, with_usual_dials
+from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.learning.unexplained import mistaken_needles, unexplained_gauges
 from decoder.matching.thresholds import FAR_PART, REACH_PART
@@ -131,12 +132,7 @@ class FittedReader:
         if mixture is not None:
             yield f"read in {mixture}, where what moves on it shows better or more surely than in grey"
         index = self.panel.gauges.index(gauge)
-        for squeeze, what in ((self.squeezes[index], "corrected"), (self.allowed[index], "sigma allows for that")):
-            if squeeze is not None:
-                yield (
-                    f"is seen from about {squeeze.aside_deg:.0f} degrees aside, {what}: draw its `rim`, or the panel's"
-                    " reference points, with `decode setup`"
-                )
+        yield from _aside(self.squeezes[index], self.allowed[index])
         yield from kind_of(gauge).findings(gauge, self.reader.appearance)
         if gauge.name in self.unsettled:
             yield (
@@ -194,6 +190,15 @@ class FittedReader:
         return np.full_like(angles_deg, self.uncertainties[name].allowed_deg)
 
 
+def _aside(corrected: Squeeze | None, allowed: Squeeze | None) -> Iterator[str]:
+    """Say from how far aside a dial is seen, and what to draw if that is not known well."""
+    for squeeze, what in ((corrected, "corrected"), (allowed, "sigma allows for that")):
+        if squeeze is not None and squeeze.part > MOST_MARK_PART:
+            is_known = squeeze is corrected and 0.0 < squeeze.doubt < MOST_MARK_PART
+            advice = "" if is_known else ": draw its `rim`, or the panel's reference points, with `decode setup`"
+            yield f"is seen from about {squeeze.aside_deg:.0f} degrees aside, {what}{advice}"
+
+
 @dataclass(frozen=True, slots=True)
 class _Round:
     """The result of a round: the reader that has learned, its readings by frame, and the pivots by gauge."""
@@ -206,9 +211,10 @@ class _Round:
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight from which `sample` takes frames, in at most this many rounds."""
     source = reader.source
-    begun, last = _best_begun(reader, sample, tell)
+    seen = squeezes_seen(source)
+    begun, last = _best_begun(_squared_up_as_seen(reader, seen), sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
-    gauges, allowed = begun.drawn, _allowed(begun, last)
+    gauges, allowed = begun.drawn, _allowed(begun, last, seen)
     del begun
     first, known = last.pivots, _known(last, paths)
     for round_ in range(1, rounds):
@@ -292,8 +298,6 @@ def _known(last: _Round, paths: Sequence[PivotPath], before: Sequence[_Known] = 
 
 def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recentred, _Round]:
     """Learn a first time, then again in better colours, with lost dials squared up."""
-    if any(squeezes := squeezes_seen(reader.source)):
-        reader = squared_up(reader, squeezes)
     gauges = reader.source.panel.gauges
     placed, samples = align_sample(reader, sample)
     placed = as_sharp_as_frames(placed, samples)
@@ -326,15 +330,29 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     return begun, last
 
 
-def _allowed(begun: _Recentred, last: _Round) -> tuple[Squeeze | None, ...]:
+def _is_to_square_up(gauge: Gauge, squeeze: Squeeze) -> bool:
+    """Whether readings change with a squeeze; a shift is measured as it appears, so its dial stays."""
+    return squeeze.part > MOST_MARK_PART and not any(quantity.is_shift for quantity in gauge.quantities)
+
+
+def _squared_up_as_seen(reader: PanelReader, seen: Sequence[Squeeze | None]) -> PanelReader:
+    """Square up the dials of a panel that are seen obliquely."""
+    squeezes = [
+        own if own is not None and _is_to_square_up(gauge, own) else None
+        for gauge, own in zip(reader.source.panel.gauges, seen, strict=True)
+    ]
+    return squared_up(reader, squeezes) if any(squeezes) else reader
+
+
+def _allowed(begun: _Recentred, last: _Round, seen: Sequence[Squeeze | None]) -> tuple[Squeeze | None, ...]:
     """For each gauge that is read without being squared up, estimate its squeeze, so that sigma allows for it."""
-    return _squeezes(
-        begun,
-        [
-            squeeze is None and not is_lost(gauge, last.found)
-            for gauge, squeeze in zip(begun.drawn, _corrected(begun.reader.source), strict=True)
-        ],
-        is_lost=False,
+    wanted = [
+        squeeze is None and not is_lost(gauge, last.found)
+        for gauge, squeeze in zip(begun.drawn, _corrected(begun.reader.source), strict=True)
+    ]
+    learned = _squeezes(begun, wanted, is_lost=False)
+    return tuple(
+        own or (known if is_wanted else None) for own, known, is_wanted in zip(learned, seen, wanted, strict=True)
     )
 
 

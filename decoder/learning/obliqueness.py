@@ -36,8 +36,9 @@ from decoder.registration.thresholds import NOISE_LEVELS
 
 # A dial is sampled with this many pixels for its radius, on circles between these parts of it: needles end within a
 # bezel, which may be as wide as half of it.
-RADIUS_PX, CIRCLES = 40, np.linspace(0.35, 1.8, 64)
-AROUND = np.arange(0.0, math.tau, math.tau / 180)
+RADIUS_PX, CIRCLES = 40, np.linspace(0.35, 1.8, 48)
+AROUND = np.arange(0.0, math.tau, math.tau / 120)
+RINGS = np.stack([CIRCLES * wave(AROUND)[:, None] for wave in (np.cos, np.sin)], axis=-1).astype(np.float32)
 # The middle of a bezel is at most this far from the drawn centre, and the squeeze in sum with it, in radii.
 REACH = 0.35
 # From where squeezes are searched for, beside none.
@@ -48,7 +49,7 @@ WITHIN = (4 * AGREEING, 2 * AGREEING, AGREEING)
 # Where a camera may be that says nothing about itself: the tangents of its slope, to be tried in steps; its focal
 # length in widths of its pictures, as a logarithm; and by which part more it enlarges what lies one width off its axis.
 # The last two with what they usually are, and by how much they usually differ from that.
-SLOPES, FOCALS, STARTS = np.linspace(-0.8, 0.8, 33), (-0.25, 0.1, 0.45), 5
+SLOPES, FOCALS, STARTS = np.linspace(-0.8, 0.8, 17), (-0.25, 0.1, 0.45), 5
 USUAL_LENS, LENS_SPREAD = np.array([0.1, 0.0]), np.array([0.5, 0.3])
 # In sum, an unusual lens counts as much against a view as this part of the dials.
 LENS_WEIGHT = 0.02
@@ -59,7 +60,7 @@ def squeezes_seen(source: PanelPictures) -> tuple[Squeeze | None, ...]:
     """For each gauge, return how the view squeezes it, if the panel does not say so and its picture shows it."""
     source = source.with_planes()
     gauges, planes = source.panel.gauges, source.planes or ()
-    wanted = [plane is None and _is_read_by_angles(gauge) for gauge, plane in zip(gauges, planes, strict=True)]
+    wanted = [plane is None and _is_dial(gauge) for gauge, plane in zip(gauges, planes, strict=True)]
     if not any(wanted):
         return (None,) * len(gauges)
     seen = {index: _Seen.of(source, index) for index, gauge in enumerate(gauges) if _is_dial(gauge)}
@@ -67,17 +68,14 @@ def squeezes_seen(source: PanelPictures) -> tuple[Squeeze | None, ...]:
     if told is not None:
         squeezes = dict(zip(seen, told, strict=True))
     else:
-        squeezes = {index: _squeeze_of_marks(source, index) or each.sure for index, each in seen.items()}
-    return tuple(squeezes[index] if is_wanted else None for index, is_wanted in enumerate(wanted))
+        alone = {index: _squeeze_of_marks(source, index) or each.sure for index, each in seen.items()}
+        squeezes = {index: own for index, own in alone.items() if own is not None and own.part > MOST_MARK_PART}
+    return tuple(squeezes.get(index) if is_wanted else None for index, is_wanted in enumerate(wanted))
 
 
 def _is_dial(gauge: Gauge) -> bool:
     """Whether a gauge has a middle of its own that was drawn, and so perhaps circles around it."""
     return gauge.window is None and not gauge.is_in_picture
-
-
-def _is_read_by_angles(gauge: Gauge) -> bool:
-    return _is_dial(gauge) and not any(quantity.is_shift for quantity in gauge.quantities)
 
 
 def _squeeze_of_marks(source: PanelPictures, index: int) -> Squeeze | None:
@@ -137,38 +135,39 @@ class _Seen:
     @property
     def sure(self) -> Squeeze | None:
         """The squeeze, if hardly anything else than circles shows around the dial."""
-        return _clear(self.squeeze, AGREEING) if self.share > HALF else None
+        return _squeeze(self.squeeze, AGREEING) if self.share > HALF else None
 
     @property
     def gains(self) -> bool:
         """Whether clearly more of what the dial shows are circles in its squeeze than in none."""
         return 1.0 - self.share < FAR_GAIN * (1.0 - self.share_square_on)
 
-    def told(self, squeeze: Floats) -> Squeeze | None:
+    def told(self, squeeze: Floats) -> Squeeze:
         """Believe others about its squeeze (2,), with a large doubt if clearly more are circles in none."""
         loses = 1.0 - self.share_square_on < FAR_GAIN * (1.0 - self.share_of(squeeze))
-        return _clear(squeeze, max(AGREEING, HALF * math.hypot(*squeeze)) if loses else AGREEING)
+        return _squeeze(squeeze, math.hypot(AGREEING, HALF * math.hypot(*squeeze) if loses else 0.0))
 
 
-def _clear(squeeze: Floats, doubt: float) -> Squeeze | None:
-    """Return a squeeze (2,) unless readings hardly change with it."""
-    return Squeeze(*squeeze.tolist(), doubt) if math.hypot(*squeeze) > MOST_MARK_PART else None
+def _squeeze(parts: Floats, doubt: float) -> Squeeze:
+    across, askew = parts.tolist()
+    return Squeeze(across, askew, doubt)
 
 
 def _told(seen: Sequence[_Seen]) -> list[Squeeze | None] | None:
     """For each dial, estimate its squeeze from the view in which most agree; None if too few do to tell.
 
-    It has to square up some of those that agree. A dial that disagrees is believed if it is sure, as one that is turned
-    towards the pilot.
+    It has to square up some of those that agree, or most agree that none needs it. A dial that disagrees is believed if
+    it is sure, as one that is turned towards the pilot.
     """
     own, shares = np.stack([each.squeeze for each in seen]), np.array([each.share for each in seen])
     told = _likely_view(np.stack([each.place for each in seen]), own, shares)
     agrees = _agreement(told - own) > HALF
     if sum(each.gains for each, is_like in zip(seen, agrees, strict=True) if is_like) < MIN_VIEWS:
-        return None
+        is_square_on = np.hypot(*told.T).max() < MOST_MARK_PART and agrees @ shares > HALF * shares.sum()
+        return [None] * len(seen) if is_square_on and agrees.sum() >= MIN_VIEWS else None
     doubt = math.sqrt(float(np.square(told - own)[agrees].sum(axis=1).mean()))
     return [
-        _clear((there + each.squeeze) / 2, doubt) if is_like else each.sure or each.told(there)
+        _squeeze((there + each.squeeze) / 2, doubt) if is_like else each.sure or each.told(there)
         for each, there, is_like in zip(seen, told, agrees, strict=True)
     ]
 
@@ -184,8 +183,8 @@ def _likely_view(places: Floats, own: Floats, shares: Floats) -> Floats:
     views = [np.array([x, y, focal, 0.0]) for x in SLOPES for y in SLOPES for focal in FOCALS]
     for within in WITHIN:  # the widest first, in which no view is missed between two of them
         about = partial(agreement, within=within)
-        views = [_higher(about, view) for view in sorted(views, key=about)[-STARTS:]]
-    return _seen_from(max(views, key=agreement), places)
+        views = sorted((_higher(about, view) for view in sorted(views, key=about)[-STARTS:]), key=about)
+    return _seen_from(views[-1], places)
 
 
 def _higher(agreement: Callable[[Floats], float], view: Floats) -> Floats:
@@ -224,7 +223,8 @@ def _parts(squared: Floats) -> Floats:
     """(N, 2): the squeezes in which a unit circle appears so far from its middle along any x: the root of x A x."""
     half = squared + np.sqrt(np.linalg.det(squared))[:, None, None] * np.eye(2)
     parts: Floats = np.stack([half[:, 0, 0] - half[:, 1, 1], 2.0 * half[:, 0, 1]], axis=1)
-    return parts / np.trace(half, axis1=1, axis2=2)[:, None]
+    parts /= np.trace(half, axis1=1, axis2=2)[:, None]
+    return parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,18 +236,21 @@ class _Circles:
     @classmethod
     def of(cls, source: PanelPictures, centre: Floats, radius_px: float) -> Self:
         """Cut it out of the panel picture, without the lens's distortion."""
-        fine = max(1, round(radius_px / RADIUS_PX))
+        fine = math.ceil(radius_px / RADIUS_PX)
         reach = math.ceil(RADIUS_PX * (1.0 + REACH) * CIRCLES[-1])
         ticks = np.arange(-reach, reach + 1, 1 / fine) * (radius_px / RADIUS_PX)
         points = np.stack(np.meshgrid(*(at + ticks for at in centre)), axis=-1).astype(np.float32)
         levels = levels_at(source.picture, source.optics.own.places(points)).reshape(points.shape[:2])
-        return cls(cv2.resize(levels.astype(np.float32), None, fx=1 / fine, fy=1 / fine, interpolation=cv2.INTER_AREA))
+        size = len(ticks) // fine
+        picture = cv2.resize(levels.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA)
+        return cls(np.asarray(picture, np.float32))
 
     def best(self, middle: Floats) -> tuple[float, Floats]:
         """Search from around a middle for the squeeze (2,) with the largest share of circles; return both."""
         squeezes = FIRST_PART * np.stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)], axis=1)
         starts = np.array([[*middle, *squeeze] for squeeze in (np.zeros(2), *squeezes)])
-        share, view = max((climbed(self.shares, start, ALL_AXES, REACH) for start in starts), key=itemgetter(0))
+        found = [climbed(self.shares, start, ALL_AXES, REACH) for start in starts]
+        share, view = max(found, key=itemgetter(0))
         return share, view[2:]
 
     def around(self, squeeze: Floats) -> tuple[float, Floats]:
@@ -260,12 +263,9 @@ class _Circles:
         return np.array([self._share(*view) for view in views.tolist()])
 
     def _share(self, right: float, down: float, across: float, askew: float) -> float:
-        x, y = (RADIUS_PX * CIRCLES * wave(AROUND)[:, None] for wave in (np.cos, np.sin))
         middle = len(self.picture) // 2
-        (x_x, x_y), (y_x, y_y) = Squeeze(across, askew).matrix
-        places = np.stack(
-            [x_x * x + x_y * y + middle + RADIUS_PX * right, y_x * x + y_y * y + middle + RADIUS_PX * down], axis=-1
-        )
-        changes = np.diff(levels_at(self.picture, places.astype(np.float32)).reshape(x.shape), axis=1)
-        on_circles = float(np.square(changes.mean(axis=0)).sum())
-        return on_circles / float(np.square(changes).mean(axis=0).sum() + NOISE_LEVELS**2 * changes.shape[1])
+        moved = np.column_stack([Squeeze(across, askew).matrix, [right, down]]) * RADIUS_PX
+        places = cv2.transform(RINGS, moved + np.array([[0.0, 0.0, middle]]))
+        changes = np.diff(levels_at(self.picture, places).reshape(len(AROUND), len(CIRCLES)), axis=1)
+        on_circles = np.square(changes.mean(axis=0)).sum()
+        return float(on_circles / (np.square(changes).sum() / len(changes) + NOISE_LEVELS**2 * changes.shape[1]))

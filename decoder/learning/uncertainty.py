@@ -246,20 +246,16 @@ def _views(
     drawn: PanelPictures, squeezes: Sequence[Squeeze | None], squared_up: Sequence[Squeeze | None]
 ) -> Iterator[_View]:
     """For each gauge, say how obliquely it may be seen beyond what its reading takes into account."""
-
-    def part_of(squeeze: Squeeze) -> float:
-        return math.hypot(squeeze.across, squeeze.askew)
-
     none = (None,) * len(drawn.panel.gauges)
-    others_part = max((part_of(each) for each in squared_up if each is not None), default=0.0)
+    others_part = max((each.part for each in squared_up if each is not None), default=0.0)
     for index, (own, known) in enumerate(zip(squeezes or none, squared_up or none, strict=True)):
         if known is not None:
             yield _View(known.doubt, known.doubt)
         elif drawn.grid(index).plane is not None:
             yield _View(0.0, 0.0)
         else:
-            along_part = others_part if own is None else part_of(own)
-            yield _View(others_part, math.hypot(along_part, USUAL_VIEW**2 / 4))
+            part = others_part if own is None else own.part
+            yield _View(part, math.hypot(part, USUAL_VIEW**2 / 4))
 
 
 def _of_other(

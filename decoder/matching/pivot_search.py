@@ -334,7 +334,8 @@ def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None
     thin = replace(rings, radii_px=rings.radii_px[::BANDS])
     likely = starts[np.argsort(score(starts, thin))[-BANDS:]]
     square_on, _ = climbed(score, np.zeros(4), ALL_AXES - SQUEEZE_AXES, reach)
-    highest, view = max((climbed(score, start, ALL_AXES, reach) for start in likely), key=itemgetter(0))
+    found = [climbed(score, start, ALL_AXES, reach) for start in likely]
+    highest, view = max(found, key=itemgetter(0))
     is_clear = 1.0 - highest < min(HALF * HALF, FAR_GAIN * (1.0 - square_on))
     return Squeeze(*view[2:].tolist()) if is_clear else None
 
