@@ -101,6 +101,11 @@ class Squeeze:
         return math.degrees(math.acos((1.0 - self.part) / (1.0 + self.part)))
 
     @property
+    def obliqueness(self) -> float:
+        """The tangent of that angle."""
+        return math.tan(math.radians(self.aside_deg))
+
+    @property
     def turns_off_deg(self) -> float:
         """The root mean square error of a turn that is read on a dial that appears like that.
 

@@ -166,10 +166,14 @@ class _Care:
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """The parts by which a dial that is not squared up may be squeezed: all around it, and along a shift."""
+    """The parts by which a dial may be squeezed beyond what its reading knows: all around it, and along a shift.
+
+    `obliqueness` is the tangent of the angle from which it is seen.
+    """
 
     around_part: float
     along_part: float
+    obliqueness: float
 
 
 def quantity_uncertainties(
@@ -220,7 +224,7 @@ def quantity_uncertainties(
     for index, parts in enumerate(zip(drawn.panel.gauges, told, pivots, places_px, paths, views, strict=True)):
         gauge, as_told, pivot, place_px, path, view = parts
         squeeze = squeezes[index] if squeezes else None
-        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care, squeeze=squeeze)
+        as_card = _of_card(drawn, index, pivot, path, log_odds=log_odds, care=care, squeeze=squeeze, view=view)
         as_needle = replace(
             as_card, drawn_deg=_by_hand_deg(gauge, care), place_px=place_px, missed_px=_missed_px(path, log_odds)
         )
@@ -247,15 +251,18 @@ def _views(
 ) -> Iterator[_View]:
     """For each gauge, say how obliquely it may be seen beyond what its reading takes into account."""
     none = (None,) * len(drawn.panel.gauges)
-    others_part = max((each.part for each in squared_up if each is not None), default=0.0)
+    others = max(
+        (each for each in squared_up if each is not None), key=lambda each: each.part, default=Squeeze(0.0, 0.0)
+    )
     for index, (own, known) in enumerate(zip(squeezes or none, squared_up or none, strict=True)):
+        plane = drawn.grid(index).plane
         if known is not None:
-            yield _View(known.doubt, known.doubt)
-        elif drawn.grid(index).plane is not None:
-            yield _View(0.0, 0.0)
+            yield _View(known.doubt, known.doubt, known.obliqueness)
+        elif plane is not None:
+            yield _View(0.0, 0.0, plane.obliqueness)
         else:
-            part = others_part if own is None else own.part
-            yield _View(part, math.hypot(part, USUAL_VIEW**2 / 4))
+            likely = own or others
+            yield _View(likely.part, math.hypot(likely.part, USUAL_VIEW**2 / 4), likely.obliqueness)
 
 
 def _of_other(
@@ -306,6 +313,7 @@ def _of_card(
     log_odds: float,
     care: _Care,
     squeeze: Squeeze | None,
+    view: _View,
 ) -> QuantityUncertainty:
     """Estimate it for a card, allowing for marks that were not drawn around its pivot."""
     gauge = drawn.panel.gauges[index]
@@ -316,7 +324,7 @@ def _of_card(
         doubt_px = pivot.sigma_px if path.was_moved else care.centres_part * _drawn_px(gauge)
         card_px = math.hypot(missed * math.hypot(*path.beside_px), points * doubt_px)
     aside_deg = 0.0 if squeeze is None else squeeze.turns_off_deg
-    seen_deg = _parallax_deg(drawn, index) if gauge.turning else _squeezed_deg(drawn, index)
+    seen_deg = _parallax_deg(drawn, index, view) if gauge.turning else _squeezed_deg(drawn, index)
     return QuantityUncertainty(
         drawn_deg=math.hypot(_by_hand_deg(gauge, care), math.degrees(card_px / rim_px)),
         seen_deg=math.hypot(seen_deg, aside_deg),
@@ -431,16 +439,14 @@ def _comes_from_hub(template: NeedleTemplate | None) -> bool:
     return float(covers[: -(-len(covers) // 2)].mean()) > HALF
 
 
-def _parallax_deg(drawn: PanelPictures, index: int) -> float:
+def _parallax_deg(drawn: PanelPictures, index: int, view: _View) -> float:
     """Estimate the uncertainty due to parallax of needles whose height above their marks is unknown.
 
     Seen obliquely, a needle appears beside the mark it points to, by up to its height times the tangent of the view.
     """
     if drawn.grid(index).raised is not None:
         return 0.0  # its height is known
-    plane = drawn.grid(index).plane
-    oblique = math.hypot(USUAL_VIEW, 0.0 if plane is None else plane.obliqueness)
-    return math.degrees(NEEDLE_HEIGHT_PART * oblique / math.sqrt(2.0))
+    return math.degrees(NEEDLE_HEIGHT_PART * math.hypot(USUAL_VIEW, view.obliqueness) / math.sqrt(2.0))
 
 
 def _squeezed_deg(drawn: PanelPictures, index: int) -> float:

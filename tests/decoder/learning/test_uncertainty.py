@@ -382,7 +382,25 @@ def test_a_needle_is_doubted_between_marks_where_another_dial_is_seen_obliquely(
         off_deg.append(own.square_on_deg(needle_deg) - np.interp(needle_deg, ends_deg, true_deg))
 
     assert len(others) > 1
-    assert math.sqrt(after.seen_deg**2 - before.seen_deg**2) == pytest.approx(np.std(off_deg), rel=0.1)
+    beside_deg = math.sqrt(after.seen_deg**2 - before.seen_deg**2 - parallax_deg(others[0]) ** 2)
+    assert beside_deg == pytest.approx(np.std(off_deg), rel=0.1)
+
+
+def parallax_deg(squeeze: Squeeze) -> float:
+    """Of a needle a twenty-fifth of the radius above its marks, seen from aside: its root mean square."""
+    return math.degrees(0.04 * math.tan(math.radians(squeeze.aside_deg)) / math.sqrt(2.0))
+
+
+def test_a_needle_above_its_marks_is_doubted_where_its_dial_was_squared_up() -> None:
+    """Squaring a dial up does not bring its needle down to its marks."""
+    drawn, squeeze = reader_of(lambda _: None).source, Squeeze(0.06, -0.05)
+    dials = len(drawn.panel.gauges)
+
+    before, after = (
+        uncertainties_of(drawn, squared_up=(own,) * dials)["speed_kt"].seen_deg for own in (Squeeze(0.0, 0.0), squeeze)
+    )
+
+    assert math.sqrt(after**2 - before**2) == pytest.approx(parallax_deg(squeeze), rel=0.01)
 
 
 def test_a_scale_is_less_sure_the_further_beyond_its_marks() -> None:
