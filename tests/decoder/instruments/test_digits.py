@@ -229,3 +229,65 @@ def test_a_picture_that_shows_something_else_teaches_nothing_wrong(shows: str) -
         found = read(DIGITS, known(DIGITS, grid, picture), [sampled(grid, exposed(PLAIN.picture("116.82")))])
 
         assert {told(one) for one in found} <= {None, "116.82"}
+
+
+@pytest.mark.parametrize("part", [0.3, 0.4, 0.5])
+def test_two_values_in_one_exposure_make_no_third(taught: tuple[WindowGrid, Display], part: float) -> None:
+    """A value that changes while the shutter is open is read as the old one, as the new one, or not at all.
+
+    3 over 4 is a 9, and 5 over 2 an 8; 1 over 8 beside 6 over 5 is an 8 beside a 6.
+    """
+    grid, display = taught
+    pairs = [
+        ("116.15", "115.85"),
+        ("118.80", "113.33"),
+        ("112.45", "115.72"),
+        ("113.51", "114.26"),
+        ("108.10", "103.18"),
+    ]
+    both = [[PLAIN.picture(own) for own in pair] for pair in pairs]
+    light = [part * one + (1 - part) * other for one, other in both]
+    frames = [sampled(grid, exposed(levels ** (1 / 2.2), seed=number)) for number, levels in enumerate(light)]
+
+    found = read(DIGITS, display, frames)
+
+    assert all(told(one) in (None, *pair) for one, pair in zip(found, pairs, strict=True))
+
+
+def test_a_leading_digit_that_is_lit_for_half_of_the_exposure_is_no_digit() -> None:
+    """Where 12 becomes 8 while the shutter is open, 18 is neither."""
+    drawn, digits = Drawn(pattern="##0"), Digits(name="oat_degc", pattern="##0", shows=" 12")
+    grid = drawn.grid()
+    display = known(digits, grid, exposed(drawn.picture(" 12")))
+    assert display is not None
+    before, after = drawn.picture(" 10"), drawn.picture("  8")
+    frames = [
+        sampled(grid, exposed((part * before + (1 - part) * after) ** (1 / 2.2))) for part in (0.25, 0.3, 0.4, 0.5)
+    ]
+
+    found = read(digits, display, frames)
+
+    assert all(one.status is Status.MISSING or one.angle_deg in (10.0, 8.0) for one in found)
+
+
+def test_digits_lit_one_after_the_other_are_not_taken_for_blanks() -> None:
+    """If a short exposure misses digits, one in front that is dark in a frame may be one that was missed."""
+    drawn, digits = Drawn(pattern="##0"), Digits(name="distance_nm", pattern="##0", shows="142")
+    grid = drawn.grid()
+    display = known(digits, grid, exposed(drawn.picture("142")))
+    assert display is not None
+    texts = ["142", "1 5", "136", " 35", "151", "149"]
+    frames = np.stack([sampled(grid, exposed(drawn.picture(text), seed=number)) for number, text in enumerate(texts)])
+
+    found = read(digits, display.taught(frames), list(frames))
+
+    assert [int(one.angle_deg) if one.status is Status.READ else None for one in found] == [
+        142,
+        None,
+        136,
+        None,
+        151,
+        149,
+    ]
+    whole = read(digits, display.taught(frames[[0, 2, 2, 4, 5]]), list(frames[3:4]))
+    assert [one.angle_deg for one in whole if one.status is Status.READ] == [35.0]

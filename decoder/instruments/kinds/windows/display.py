@@ -46,6 +46,9 @@ class Display:
         (N, 7): segments that were dark where a digit needs them.
     drawn, shown
         (R, C) and (N,): the panel picture, and the digits known to be on it.
+    flickers
+        Whether frames of the flight showed digits dark that were lit: one after the other, and too fast to see. A cell
+        that seems blank may then not be.
     """
 
     segments: Segments
@@ -56,6 +59,7 @@ class Display:
     broken: Mask
     drawn: Floats
     shown: Indices
+    flickers: bool = False
 
     @cached_property
     def _drawings(self) -> list[tuple[str, str]]:
@@ -97,6 +101,10 @@ class Display:
         first = is_digit & (np.cumsum(~blank_first, axis=1) == 1)
         superfluous = (first & self.may_be_blank & (cells.symbols == 0)).any(axis=1)  # a leading zero would be dark
         sure = (is_digit | blank_first).all(axis=1) & is_digit.any(axis=1) & ~superfluous
+        fades = (
+            first & self.may_be_blank & (cells.gains < _in_half_light(cells.gains.max(axis=1, keepdims=True)))
+        ).any(1)
+        sure &= ~(fades | (self.flickers & blank_first.any(axis=1)))
         scores = np.where(blank_first, 1.0, cells.scores).min(axis=1) * ~blank_first.all(axis=1)
         return np.where(blank_first, BLANK, cells.symbols), scores, sure
 
@@ -106,8 +114,42 @@ class Display:
         whole = cells.gains > HALF * usual
         alone = (cells.worse >= CLEARLY_WORSE) & (np.abs(cells.strays).max(axis=2) <= HALF_LIT)
         doubtful = np.take_along_axis(self._doubtful, cells.symbols.T, axis=1).T
+        alone &= self._is_one_digit(cells)
         certain = likely & whole & alone & ~doubtful & self._as_described(cells.points / usual)[:, None]
         return certain, self._nothing(cells, likely, usual)
+
+    @cached_property
+    def _parts(self) -> tuple[Floats, Floats]:
+        """(S, T, 7) each: weights of the segments that a way to draw a digit has in common with another, and has alone.
+
+        Their sum is 1; ways with fewer such parts are padded with the whole digit.
+        """
+        ways = [frozenset(way) for _, way in self._drawings]
+        digits = [digit for digit, _ in self._drawings]
+        both = [
+            {own & other for other, its in zip(ways, digits, strict=True) if its != digit and own & other} - {own}
+            for own, digit in zip(ways, digits, strict=True)
+        ]
+        count = max(map(len, both))
+        pairs = [
+            [(part, own - part) for part in sorted(parts, key=sorted)] + [(own, own)] * (count - len(parts))
+            for own, parts in zip(ways, both, strict=True)
+        ]
+        weights = np.array(
+            [[[[name in its for name in NAMES] for its in pair] for pair in row] for row in pairs], float
+        )
+        weights /= weights.sum(axis=3, keepdims=True)
+        return weights[:, :, 0], weights[:, :, 1]
+
+    def _is_one_digit(self, cells: Seen) -> Mask:
+        """(F, N): whether the part of a digit that some other digit lacks is not as dim as in a part of the exposure.
+
+        If a value changes during the exposure, the old and the new digit lie over each other, and may make a third.
+        """
+        levels = 1 + cells.strays[..., None, :]
+        common, alone = (np.vecdot(levels, part[cells.ways]) for part in self._parts)
+        is_one: Mask = (alone >= _in_half_light(common)).all(axis=2)
+        return is_one
 
     def _usual(self, cells: Seen) -> tuple[Mask, Floats]:
         """(F, N) and (F, 1): which cells likely show digits, and their usual brightness; infinite if none does."""
@@ -140,7 +182,7 @@ class Display:
             return self
         own = self._fitted(strips)
         seen = own.seen(np.concatenate([self.drawn[None], strips]))
-        return replace(own, broken=self.mistaken[:, None] | own.dark(seen))
+        return replace(own, broken=self.mistaken[:, None] | own.dark(seen), flickers=own.has_gaps(seen))
 
     def _fitted(self, strips: Floats) -> Display:
         """Fit it to frames that clearly show digits; unchanged if there are none, or if they contradict the picture."""
@@ -186,6 +228,15 @@ class Display:
         nothing: Mask = beyond < HALF * usual
         return nothing
 
+    def has_gaps(self, cells: Seen) -> bool:
+        """Whether some frame shows nothing in a cell behind a digit, which no value does."""
+        likely, _ = self._usual(cells)
+        is_digit = likely & (np.abs(cells.strays).max(axis=2) <= HALF_LIT)
+        brightest = np.where(is_digit, cells.gains, 0.0).max(axis=1, keepdims=True)
+        nothing = self._nothing(cells, likely, brightest) & ~is_digit
+        gap = nothing & (np.cumsum(is_digit, axis=1) > 0)
+        return bool((gap.any(axis=1) & (is_digit | nothing).all(axis=1)).any())
+
     def dark(self, cells: Seen) -> Mask:
         """(N, 7): segments that stay dark in successive frames in which all others make a digit that needs them."""
         missing, rest = cells.strays < HALF_LIT - 1, np.abs(cells.strays) <= HALF_LIT
@@ -197,6 +248,11 @@ class Display:
             own = missing[needed[:, cell, place], cell, place]
             dark[cell, place] = sliding_window_view(own, min(len(own), MIN_VIEWS)).all(axis=1).any()
         return dark
+
+
+def _in_half_light(levels: Floats) -> Floats:
+    """Return how bright what is lit for half of the exposure, or less, is at most: light has a gamma."""
+    return (1 - HALF * HALF) * levels
 
 
 def _most_telling(texts: Counter[tuple[int, ...]]) -> list[tuple[int, ...]]:
