@@ -345,6 +345,24 @@ def test_glare_on_its_glass_is_no_light_of_its_own(*, lit: bool) -> None:
         assert glare.status is Status.MISSING or glare.angle_deg == float(light > 0)
 
 
+@pytest.mark.parametrize("light", [12.0, 20.0, 30.0, 40.0, 60.0])
+def test_a_dim_legend_is_not_off_because_a_reflection_was_brighter(light: float) -> None:
+    """A sample with one frame of glare tells no wrong state: thin words add less light to their window than glare."""
+
+    def words(light: float, glare: float = 0.0, seed: int = 0) -> Floats:
+        frame = glass(light, haze=60.0, seed=seed + 1)
+        frame[GRID.within] += glare - 35.0
+        return np.clip(frame, 0.0, 255.0)
+
+    lights = [0.0] * 8 + [light] * 7
+    frames = [words(light, seed=number) for number, light in enumerate(lights)] + [words(0.0, 45.0, 20)]
+    taught = learn_lamp(LAMP, GRID, frames, first_lamp(LAMP, GRID, words(0.0)))
+
+    found = [each["low_fuel_on"] for each in read(taught, *(words(light, seed=number) for number in range(30, 50)))]
+
+    assert all(each.status is Status.MISSING or each.angle_deg == 1.0 for each in found)
+
+
 def test_frames_beside_it_change_nothing() -> None:
     """A frame is read the same to the bit, whatever frames are read with it."""
     frames = sample(0.0, 80.0, 20.0, 0.0)

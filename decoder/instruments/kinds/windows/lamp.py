@@ -83,6 +83,9 @@ class LampPicture:
         Whether it may not be read. The sample may show it darker than off, or brighter than lit, and not far more often
         in its other state: then the panel states the wrong state. Or it is often between both: then more than its state
         changes.
+    is_strict
+        Whether more frames of the sample are away from the panel picture's state, but look like neither, than are in
+        the other: that may be glare then, and what is between them the lamp.
     """
 
     drawn: UnwrappedGauge
@@ -96,6 +99,7 @@ class LampPicture:
     shape: Floats | None = None
     inside: Floats | float = math.inf
     is_doubtful: bool = False
+    is_strict: bool = False
 
     def told(self, added: Added) -> Floats:
         """(F,): how much light the window adds, grey levels."""
@@ -110,9 +114,16 @@ class LampPicture:
         """
         beyond = np.maximum(self.unlike(added) - self.inside, 0.0)
         # A reflecting bezel is less than a quarter of a window; a card or glare is more.
-        unusual = self._unusual(added.left) + np.quantile(beyond, 1.0 - HALF * HALF, axis=(1, 2))
-        sigmas: Floats = np.sqrt(self.sigma**2 / self._clear(added) + unusual / PATCHES)
-        return sigmas
+        return self._sigmas(added, self._unusual(added.left) + np.quantile(beyond, 1.0 - HALF * HALF, axis=(1, 2)))
+
+    def sigmas_alike(self, added: Added) -> Floats:
+        """(F,): the uncertainty of `told` of a window that looks like one of its states, whatever it looks like.
+
+        If `is_strict`, what looks like neither is no reason to take a level further off for the panel picture's.
+        """
+        if not self.is_strict:
+            return self.sigmas(added)
+        return self._sigmas(added, self._unusual(added.left))
 
     def between(self, added: Added) -> tuple[Floats, Floats]:
         """(F,), (F,): halfway to its other state in each frame, grey levels: the lowest and the highest possibility.
@@ -151,6 +162,10 @@ class LampPicture:
         lit = (levels * self.shape).sum(axis=(1, 2)) / np.square(self.shape).sum()
         unlike: Floats = np.square(levels - lit[:, None, None] * self.shape)
         return unlike
+
+    def _sigmas(self, added: Added, unusual: Floats) -> Floats:
+        sigmas: Floats = np.sqrt(self.sigma**2 / self._clear(added) + unusual / PATCHES)
+        return sigmas
 
     def _clear(self, added: Added) -> Floats:
         """(F,): the part of the weights on pixels that are not saturated."""
@@ -373,6 +388,9 @@ def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
         lights = added.levels(learned.response)[is_seen] / learned.told(added)[is_seen, None, None]
         learned = replace(learned, others=tuple(seen), shape=np.median(lights, axis=0))
         learned = replace(learned, inside=MAD_TO_SIGMA**2 * np.median(learned.unlike(added), axis=0))
+        strict = replace(learned, is_strict=True)
+        is_away = (away > HALF * BEYOND_CHANCE_SPREADS * strict.sigmas_alike(added)) & ~is_seen
+        learned = strict if is_away.sum() > is_seen.sum() else learned
     sure = BEYOND_CHANCE_SPREADS * learned.sigmas(added)
     is_between = (np.abs(away) > sure) & (learned.scores(added) >= SCORE_THRESHOLD)
     for other in learned.others:
@@ -481,10 +499,13 @@ class LampReader:
         told, (least, most) = picture.told(added), picture.between(added)
         # Words or colours may change in a window that is as bright as before.
         scores = np.where(np.abs(told) <= HALF * least, np.minimum(scores, picture.alike(added)), scores)
-        columns = (told, picture.sigmas(added), scores, least, most)
-        return [self._reading(*own) for own in zip(*(each.tolist() for each in columns), strict=True)]
+        sigmas = zip(picture.sigmas(added).tolist(), picture.sigmas_alike(added).tolist(), strict=True)
+        halves = zip(least.tolist(), most.tolist(), strict=True)
+        return [self._reading(*own) for own in zip(told.tolist(), sigmas, scores.tolist(), halves, strict=True)]
 
-    def _reading(self, level: float, sigma: float, score: float, least: float, most: float) -> dict[str, Reading]:
+    def _reading(
+        self, level: float, sigmas: tuple[float, float], score: float, halves: tuple[float, float]
+    ) -> dict[str, Reading]:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
 
         The panel picture's state is read only up to a quarter of the way to the other state. The other state is read
@@ -492,11 +513,13 @@ class LampReader:
         uneven shadow would add. In between, nothing is read. A lamp that never seems to change is read only if it
         scatters no more than noise: otherwise it may change, but be too dim to tell.
         """
-        lamp, picture = self._lamp, self._picture
+        lamp, picture, (sigma, alike), (least, most) = self._lamp, self._picture, sigmas, halves
         away = -level if lamp.lit else level
         if not picture.others:
             most = max(2 * BEYOND_CHANCE_SPREADS * sigma, DIMMEST_LEVELS, picture.shining / 2)
-        narrow = BEYOND_CHANCE_SPREADS * sigma if picture.others else HALF * BEYOND_CHANCE_SPREADS * picture.sigma
+        narrow = BEYOND_CHANCE_SPREADS * (alike if picture.others else picture.sigma)
+        if picture.is_strict or not picture.others:
+            narrow *= HALF
         is_same = abs(away) <= min(narrow, HALF * least)
         is_other = away >= most
         is_told = (
