@@ -291,3 +291,22 @@ def test_digits_lit_one_after_the_other_are_not_taken_for_blanks() -> None:
     ]
     whole = read(digits, display.taught(frames[[0, 2, 2, 4, 5]]), list(frames[3:4]))
     assert [one.angle_deg for one in whole if one.status is Status.READ] == [35.0]
+
+
+def test_the_shadow_of_an_unlit_digit_teaches_no_dim_segments() -> None:
+    """A liquid crystal seen from the side shows an 8 in a dark cell: its segments are no digit's, and are not dim."""
+    drawn, digits = Drawn(pattern="##0"), Digits(name="flow_gph", pattern="##0", shows="117")
+    grid = drawn.grid()
+    display = known(digits, grid, exposed(drawn.picture("117"), light=-1.0, ground=140.0))
+    assert display is not None
+    shadow = 0.55 * drawn.picture("8  ")
+    frames = [
+        sampled(grid, exposed(np.maximum(drawn.picture(text), shadow), light=-1.0, ground=140.0, seed=number))
+        for number, text in enumerate([" 17", " 14", " 35", " 43", " 57", " 91"])
+    ]
+    texts = ["206", "168", "860", "602"]
+    clear = [sampled(grid, exposed(drawn.picture(text), light=-1.0, ground=140.0, seed=9)) for text in texts]
+
+    found = read(digits, display.taught(np.stack(frames)), [*clear, frames[0]])
+
+    assert [int(one.angle_deg) if one.status is Status.READ else None for one in found] == [*map(int, texts), None]

@@ -216,8 +216,10 @@ class Display:
     def _shown(self, cells: Seen) -> Indices:
         """(F, N): what is likely shown; the whole row is blank if some cell is neither a digit nor empty."""
         likely, _ = self._usual(cells)
-        nothing = self._nothing(cells, likely, cells.gains.max(axis=1, keepdims=True)) & self.may_be_blank
+        brightest = cells.gains.max(axis=1, keepdims=True)
+        nothing = self._nothing(cells, likely, brightest) & self.may_be_blank
         likely &= np.abs(cells.strays).max(axis=2) <= HALF_LIT
+        likely &= cells.gains >= _in_half_light(brightest)  # what is dimmer may be the shadow of an unlit digit
         whole = (likely | nothing).all(axis=1, keepdims=True)
         return np.where(likely & whole, cells.symbols, BLANK)
 
