@@ -363,6 +363,16 @@ def test_a_dim_legend_is_not_off_because_a_reflection_was_brighter(light: float)
     assert all(each.status is Status.MISSING or each.angle_deg == 1.0 for each in found)
 
 
+def test_a_veil_over_half_as_bright_as_the_lamp_is_no_lamp() -> None:
+    """Sunlight on the lens of an unlit lamp adds light to all of it; a lamp that shines evenly is known to add more."""
+    taught = learn_lamp(LAMP, GRID, sample(*[0.0, 80.0] * 6), first_lamp(LAMP, GRID, drawn(0.0)))
+
+    veiled, lit = (own["low_fuel_on"] for own in read(taught, drawn(48.0, seed=30), drawn(76.0, seed=31)))
+
+    assert veiled.status is Status.MISSING
+    assert (lit.status, lit.angle_deg) == (Status.READ, 1.0)
+
+
 def test_frames_beside_it_change_nothing() -> None:
     """A frame is read the same to the bit, whatever frames are read with it."""
     frames = sample(0.0, 80.0, 20.0, 0.0)

@@ -126,13 +126,17 @@ class LampPicture:
         return self._sigmas(added, self._unusual(added.left))
 
     def between(self, added: Added) -> tuple[Floats, Floats]:
-        """(F,), (F,): halfway to its other state in each frame, grey levels: the lowest and the highest possibility.
+        """(F,), (F,): halfway to its other state in each frame, grey levels, and what that state adds at least.
 
-        If the sample does not show that state, both are the least light that a lamp may have.
+        That is more than half of the way, if it varies less: a reflection may add as much. If the sample does not show
+        that state, both are the least light that a lamp may have.
         """
+        if not self.others:
+            dimmest = DIMMEST_LEVELS * np.minimum(added.gain, 1.0)
+            return dimmest, dimmest
         halves = [HALF * other.away * _grown(added, other.power) for other in self.others]
-        halves = halves or [DIMMEST_LEVELS * np.minimum(added.gain, 1.0)]
-        return np.min(halves, axis=0), np.max(halves, axis=0)
+        nearly = [(1 - HALF * HALF) * other.least * _grown(added, other.power) for other in self.others]
+        return np.min(halves, axis=0), np.max([*halves, *nearly], axis=0)
 
     def scores(self, added: Added) -> Floats:
         """(F,): how well the surroundings match the panel picture in the fitted light."""
@@ -181,12 +185,14 @@ class LampPicture:
 class Other:
     """How far the state that the panel picture does not show may be from the one that it shows.
 
-    `away` is that distance at a gain of 1, in grey levels. It grows with the `power` of the gain: 0 for a lamp that
-    shines the same in the sun, 1 for one that the camera's exposure dims along with the panel.
+    `away` is that distance at a gain of 1, in grey levels, and `least` the smallest in the sample. Both grow with the
+    `power` of the gain: 0 for a lamp that shines the same in the sun, 1 for one that the camera's exposure dims along
+    with the panel.
     """
 
     power: float
     away: float
+    least: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,7 +390,8 @@ def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
     learned = replace(learned, sigma=max(float(_scatter(near)), FACE_NOISE_LEVELS))
     is_seen = away >= 2 * BEYOND_CHANCE_SPREADS * learned.sigmas(added)
     if is_seen.any():
-        seen = [Other(power, float(np.median((away / _grown(added, power))[is_seen]))) for power in powers]
+        lit = {power: (away / _grown(added, power))[is_seen] for power in powers}
+        seen = [Other(power, float(np.median(far)), float(far.min())) for power, far in lit.items()]
         lights = added.levels(learned.response)[is_seen] / learned.told(added)[is_seen, None, None]
         learned = replace(learned, others=tuple(seen), shape=np.median(lights, axis=0))
         learned = replace(learned, inside=MAD_TO_SIGMA**2 * np.median(learned.unlike(added), axis=0))
@@ -509,9 +516,10 @@ class LampReader:
         """Convert the light beyond the panel picture's, in grey levels, to readings.
 
         The panel picture's state is read only up to a quarter of the way to the other state. The other state is read
-        only beyond half of that way; if the flight did not show it, only beyond what the flank of a reflection or an
-        uneven shadow would add. In between, nothing is read. A lamp that never seems to change is read only if it
-        scatters no more than noise: otherwise it may change, but be too dim to tell.
+        only beyond half of that way, and beyond three quarters of the least that the sample showed; if it showed none,
+        only beyond what the flank of a reflection or an uneven shadow would add. In between, nothing is read. A lamp
+        that never seems to change is read only if it scatters no more than noise: otherwise it may change, but be too
+        dim to tell.
         """
         lamp, picture, (sigma, alike), (least, most) = self._lamp, self._picture, sigmas, halves
         away = -level if lamp.lit else level
