@@ -254,7 +254,8 @@ class Display:
 
 def _in_half_light(levels: Floats) -> Floats:
     """Return how bright what is lit for half of the exposure, or less, is at most: levels have a gamma of 2.2."""
-    return HALF ** (1 / 2.2) * levels
+    half = float(HALF ** (1 / 2.2))
+    return half * levels
 
 
 def _most_telling(texts: Counter[tuple[int, ...]]) -> list[tuple[int, ...]]:
