@@ -182,7 +182,23 @@ def best_mixture(
             least_clear = {each: min(told[each][:count] + told[each][part]) for each in better}
             clear = [each for each in better if CLEARLY_WORSE * least_clear[each] >= max(least_clear.values())]
             return min(clear, key=lambda each: (_not_found_again(drawn, seen, needles, each.parts), -least_clear[each]))
-    return None
+    return _found_again(drawn, seen, needles, [each for each in choice if min(told[each]) > CLEARLY_WORSE])
+
+
+def _found_again(
+    drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], choice: Sequence[Mixture]
+) -> Mixture | None:
+    """Choose the mixture in which needles are found again clearly better than in luma; None if there is none.
+
+    Digits or anything else that changes behind a needle may show more clearly in luma than the needle does in any
+    mixture, and hide it there.
+    """
+    if not needles:
+        return None
+    told = {each: _not_found_again(drawn, seen, needles, each.parts) for each in choice}
+    best = min(told, key=lambda each: told[each], default=None)
+    in_luma = _not_found_again(drawn, seen, needles, LUMA)
+    return best if best is not None and CLEARLY_WORSE * told[best] < in_luma else None
 
 
 def _not_found_again(
@@ -191,12 +207,17 @@ def _not_found_again(
     """Return the part of needles, as the panel picture shows them, that frames leave unexplained on average.
 
     What a reflection or another light adds may be strong in one colour, and hardly show in another that is as clear.
+    The usual dial is left out: print next to a needle is found again in all frames.
     """
     weights = parts.astype(np.float32)
-    views = [each @ weights for each in seen]
-    cuts = [(drawn @ weights)[its] for its in needles]
-    found = [cv2.matchTemplate(view, cut, cv2.TM_CCOEFF_NORMED).max() for cut in cuts for view in views]
-    return float(np.mean(1.0 - np.square(found))) if found else 0.0
+    own = drawn @ weights
+    views = [view for view in in_light_of(own, [each @ weights for each in seen]) if view is not None]
+    if not views:
+        return 1.0
+    usual = median_of(np.stack(views))
+    cuts = [(own - usual)[its] for its in needles]
+    found = [cv2.matchTemplate(view - usual, cut, cv2.TM_CCOEFF_NORMED).max() for cut in cuts for view in views]
+    return float(np.mean(1.0 - np.square(np.maximum(found, 0.0)))) if found else 0.0
 
 
 def _clearness(

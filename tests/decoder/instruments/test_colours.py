@@ -491,6 +491,27 @@ def test_of_colours_as_clear_the_one_without_reflections_is_chosen() -> None:
     assert best_mixture(grid, shown(AT_DEG), frames, needles, [against_blue, against_green]) == against_green
 
 
+def test_needle_behind_which_digits_change_is_read_in_the_colour_that_shows_it_alone() -> None:
+    """In luma white digits change by more than the dim red needle does, and it is not found again among them."""
+    gauge = panel_of(draw(AT_DEG, RED, TEAL, 0), GAUGES[:1])
+    grid, rng = gauge.grid(0), np.random.default_rng(8)
+    digits = round(row_of_angle(grid, AT_DEG)) + np.arange(-20, 21)
+
+    def shown(angle_deg: float) -> np.ndarray:
+        strip = np.full((grid.rows, grid.columns, 3), 20.0, np.float32)
+        strip[::20, -8:] = 190.0
+        lit = rng.random((len(digits) // 5 + 1, 4)).repeat(5, axis=0).repeat(4, axis=1)[: len(digits)] > 0.5
+        strip[digits, :16] = np.where(lit[..., None], np.float32(220.0), strip[digits, :16])
+        strip[round(row_of_angle(grid, angle_deg)) + np.arange(-6, 7)] = (110.0, 14.0, 16.0)
+        return (strip + rng.normal(0.0, 2.0, strip.shape)).astype(np.float32)
+
+    frames = [shown(angle_deg) for angle_deg in ANGLES_DEG]
+    needles = needle_rows(gauge.panel.gauges[0], grid)
+
+    red, against_green = Mixture(1, 0, 0), Mixture(1, -1, 0)
+    assert best_mixture(grid, shown(AT_DEG), frames, needles, [red, against_green]) == against_green
+
+
 NIGHT: Colour = (8.0, 8.0, 8.0)
 DUSK: Colour = (82.0, 82.0, 82.0)  # as bright as the red: 82 levels of luma each
 YELLOW: Colour = (235.0, 235.0, 20.0)
