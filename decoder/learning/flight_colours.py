@@ -54,7 +54,10 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     if not rows or not source.encoded:
         return reader
     drawn = dict(zip(rows, _panels_colours(reader, list(rows)), strict=True))
-    coloured = [index for index in rows if shows_colour(drawn[index], rows[index])]
+    # A lamp may be grey where the panel picture shows it, and as bright in colour once it is lit.
+    coloured = [
+        index for index in rows if shows_colour(drawn[index], rows[index]) or gauges[index].kind.brightens is not None
+    ]
     count = LOOKED_AT if set(coloured).isdisjoint(windows) else SAMPLE_FRAMES
     seen = _seen(reader, coloured, sample(count)) if coloured else []
     before = source.mixtures or (None,) * len(grids)

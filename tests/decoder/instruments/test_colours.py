@@ -215,6 +215,7 @@ def windows(
     pointer: Colour = RED,
     beside: float = 95.0,
     haze: float = 0.0,
+    unlit: Colour = GREEN,
 ) -> bytes:
     """A JPEG of a pointer on a teal track as bright as red, and of a lamp that is green, or red and as bright.
 
@@ -230,7 +231,7 @@ def windows(
         y = 150.0 - 3.0 * flap_deg
         canvas.polygon([(46, y), (58, y - 4.0), (58, y + 4.0)], pointer[place])
         canvas.polygon([(145, 105), (179, 105), (179, 131), (145, 131)], 95.0)
-        canvas.polygon([(150, 110), (174, 110), (174, 126), (150, 126)], (RED_LIGHT if is_red else GREEN)[place])
+        canvas.polygon([(150, 110), (174, 110), (174, 126), (150, 126)], (RED_LIGHT if is_red else unlit)[place])
         for x in range(153 + 2 * is_red, 172, 4) if words else ():
             canvas.polygon([(x, 113), (x + 2, 113), (x + 2, 123), (x, 123)], 170.0)
         canvas.polygon([(179, 108), (190, 108), (190, 128), (179, 128)], beside)
@@ -277,6 +278,18 @@ def test_a_lamp_as_bright_in_both_colours_is_read_where_luma_shows_other_changes
 
     assert all(own.status is Status.MISSING or bool(own.angle_deg) == each for own, each in zip(read, red, strict=True))
     assert sum(own.status is Status.READ for own in read) > len(read) / 2
+
+
+def test_a_lamp_that_is_grey_in_the_panel_picture_and_lit_in_as_bright_a_colour_is_read_in_it() -> None:
+    """A panel picture without colour in its window had kept the lamp in luma: it was told to be off throughout."""
+    red = [number // 5 % 2 == 1 for number in range(24)]
+    grey = partial(windows, 10.0, unlit=(74.0, 74.0, 74.0))
+    jpegs = [grey(seed, is_red=each) for seed, each in enumerate(red, start=1)]
+    fitted = fitted_of([LAMP], grey(0, is_red=False), jpegs)
+    read = [each.readings["gen_fail_on"] for each in read_of(fitted, jpegs)]
+
+    assert all(own.status is Status.READ for own in read)
+    assert [own.angle_deg == 1.0 for own in read] == red
 
 
 def test_pointer_that_luma_shows_is_read_in_luma() -> None:
