@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 
@@ -109,6 +110,39 @@ def test_it_is_read_whatever_a_readout_beyond_its_scale_shows() -> None:
     found = read(picture, *(window(64.0, 99, readout=shown) for shown in (240.0, 90.0, 1.0)))
 
     assert [one.status for one in found] == [Status.READ] * 3
+
+
+def among_dots(at_y: float, seed: int, level: float, blur: float) -> Floats:
+    """A dark slot with a row of uneven bright dots, before which a wedge stands at a height."""
+
+    def levels(x: Floats, y: Floats) -> Floats:
+        left = 46.0 - (y - 80.0) / 12.0
+        is_dot = (np.abs((y - 24.0) % 10.0 - 5.0) < 2.0) & (np.abs(x - left) < 5.0)
+        is_dot &= np.sin(7.0 * np.floor((y - 24.0) / 10.0) + 1.9 * x) > -0.4
+        wedge = np.clip(np.clip((x - left + 7.0) / 1.6, 0.0, 7.0) - np.abs(y - at_y) + 0.5, 0.0, 1.0) * (x < left + 5.0)
+        return wedge * level + (1.0 - wedge) * np.where(is_dot, 170.0, 15.0)
+
+    strip = seen(GRID, levels, seed)
+    return np.asarray(cv2.GaussianBlur(strip, (0, 0), blur), np.float32) if blur else strip
+
+
+@pytest.mark.parametrize(("level", "drawn_blur", "blur"), [(90.0, 0.8, 1.2), (170.0, 0.0, 0.8)])
+def test_a_pointer_among_print_is_learned_from_frames_less_sharp_than_its_picture(
+    level: float, drawn_blur: float, blur: float
+) -> None:
+    """There what covers a sharp dot differs from what the blurred scale shows: nothing had been learned at all."""
+    taught = np.linspace(36.0, 118.0, 16)
+    strips = [among_dots(at_y, seed, level, blur) for seed, at_y in enumerate(taught, start=1)]
+    picture = learn_linear(SLIDE, strips, first_linear(SLIDE, among_dots(30.0, 0, level, drawn_blur)))
+    asked = np.linspace(40.0, 114.0, 25)
+    found = read(picture, *(among_dots(at_y, seed, level, blur) for seed, at_y in enumerate(asked, start=50)))
+    (quantity,) = GAUGE.quantities
+    at_px, values = np.array(quantity.marks).T
+
+    assert [one.status for one in found] == [Status.READ] * len(asked)
+    assert [one.angle_deg for one in found] == pytest.approx(
+        [float(np.interp(value(at_y), values, at_px)) for at_y in asked], abs=0.5
+    )
 
 
 def test_frames_beside_it_change_nothing() -> None:

@@ -29,7 +29,7 @@ from decoder.matching.needle_layer import cut_over, first_layer, in_local_light,
 from decoder.matching.needle_search import peaks_of
 from decoder.matching.needle_template import NeedleTemplate, odd_rows
 from decoder.matching.strips import blocks_of, rows_at, rows_of_each
-from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, MIN_VISIBLE, OUTLIER_SPREADS
+from decoder.matching.thresholds import MAX_PEAK_ROWS, MIN_VIEWS, MIN_VISIBLE, OUTLIER_SPREADS, SETTLED_ROWS
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.linear import Linear
@@ -38,6 +38,8 @@ from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, NOISE_LEVELS, SCORE_THRESHOLD
 
 ROUNDS = 3
+# Rounds in which a pointer that was only likely found comes to rest, if it is no error.
+LIKELY_ROUNDS = 8
 # How precisely a mark is drawn on a scale, and the pointer's place in the panel picture.
 MARK_PX = 0.5
 
@@ -430,6 +432,7 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
 
     That happens, for example, to a bar that is as bright as parts of its scale: there it looks like print, and its end
     is no longer found once it is learned. Which side of its end is the bar is tried: only the scale may be uneven.
+    If nothing is learned, and the pointer is sure in hardly any frame, those in which it is likely found may teach it.
     """
     lit = in_light_of(given.drawn, (slide.along(strip) for strip in strips))
     views = [view for view in lit if view is not None]
@@ -437,6 +440,9 @@ def learn_linear(slide: Slide, strips: Sequence[UnwrappedGauge], given: LinearPi
         return given
     tried = [_taught(slide, each, views) for each in (given, *_otherwise(given))]
     learned, _ = max(tried, key=lambda one: one[1])
+    if learned is given and _sure(slide, given, views)[1].sum() < FRAMES_TO_LEARN:
+        likely = (_likely_taught(slide, each, views) for each in (_bared(given, views), given))
+        learned = next(filter(None, likely), given)
     return replace(learned, restless=SlideReader(slide, learned).restless(np.stack(views)))
 
 
@@ -451,6 +457,29 @@ def _taught(slide: Slide, given: LinearPicture, views: Sequence[Floats]) -> tupl
         known, is_sure, score = learned, again, float(found.score[again].sum())
         learned = _learned(known, [view for view, own in zip(views, is_sure, strict=True) if own], found.row[is_sure])
     return known, score
+
+
+def _likely_taught(slide: Slide, known: LinearPicture, views: Sequence[Floats]) -> LinearPicture | None:
+    """Learn from views (R, C) in which the pointer is only likely found; None if that may be an error.
+
+    A sharp panel picture, or one that shows print behind the pointer, matches none of a flight's frames well. What they
+    teach is the pointer if it moves, is sure in all of them and where the picture shows it, and comes to rest there.
+    """
+    found, is_alone = SlideReader(slide, known).found(np.stack(views))
+    is_likely = found.is_settled & is_alone & (found.score >= LIKELY_SCORE)
+    learned, rows = known, found.row[is_likely]
+    if len(rows) < FRAMES_TO_LEARN or np.ptp(rows) < known.pointer.rows:
+        return None
+    seen = [view for view, own in zip(views, is_likely, strict=True) if own]
+    for _ in range(LIKELY_ROUNDS):
+        learned = _learned(learned, seen, rows)
+        again, is_sure = _sure(slide, learned, [known.drawn, *seen])
+        if not is_sure.all() or abs(float(again.row[0]) - known.at_row) > known.pointer.rows * HALF:
+            return None
+        moved_rows, rows = np.abs(again.row[1:] - rows), again.row[1:]
+        if moved_rows.max() < HALF * SETTLED_ROWS:
+            return learned
+    return None
 
 
 def _sure(slide: Slide, picture: LinearPicture, views: Sequence[Floats]) -> tuple[Settled, Mask]:
