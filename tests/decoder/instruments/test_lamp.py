@@ -373,6 +373,20 @@ def test_a_veil_over_half_as_bright_as_the_lamp_is_no_lamp() -> None:
     assert (lit.status, lit.angle_deg) == (Status.READ, 1.0)
 
 
+def test_a_lamp_that_is_dimmed_in_some_frames_is_read_in_all_others() -> None:
+    """A dimmer, or a pulsed supply that a short exposure samples, costs those frames that are in between."""
+    lights = [0.0, 120.0, 0.0, 45.0, 120.0, 0.0, 50.0, 120.0, 0.0, 40.0, 120.0, 0.0, 120.0, 0.0, 120.0, 45.0]
+    frames = [drawn(light, seed=number + 1) for number, light in enumerate(lights)]
+    taught = learn_lamp(LAMP, GRID, frames, first_lamp(LAMP, GRID, drawn(0.0)))
+
+    found = [
+        own["low_fuel_on"] for own in read(taught, drawn(0.0, seed=40), drawn(115.0, seed=41), drawn(45.0, seed=42))
+    ]
+
+    assert [(own.status, own.angle_deg) for own in found[:2]] == [(Status.READ, 0.0), (Status.READ, 1.0)]
+    assert found[2].status is Status.MISSING
+
+
 def test_frames_beside_it_change_nothing() -> None:
     """A frame is read the same to the bit, whatever frames are read with it."""
     frames = sample(0.0, 80.0, 20.0, 0.0)

@@ -81,8 +81,8 @@ class LampPicture:
         that this does not explain.
     is_doubtful
         Whether it may not be read. The sample may show it darker than off, or brighter than lit, and not far more often
-        in its other state: then the panel states the wrong state. Or it is often between both: then more than its state
-        changes.
+        in its other state: then the panel states the wrong state. Or it is often between both, and looks like neither:
+        then more than its state changes.
     is_strict
         Whether more frames of the sample are away from the panel picture's state, but look like neither, than are in
         the other: that may be glare then, and what is between them the lamp.
@@ -403,6 +403,10 @@ def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
     for other in learned.others:
         apart = other.away * _grown(added, other.power)
         is_between &= np.abs(away - apart) > np.maximum(sure, apart / 4)
+    if learned.others:
+        # What looks like the lamp, only dimmer, is the lamp dimmed.
+        dimmed = np.square(replace(learned, is_strict=True).sigmas_alike(added))
+        is_between &= np.square(learned.sigmas(added)) > CLEARLY_WORSE * dimmed
     return replace(learned, is_doubtful=int(is_between.sum()) >= MIN_VIEWS)
 
 
