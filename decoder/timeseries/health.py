@@ -24,7 +24,7 @@ PLAINLY = "on a picture that shows it plainly"
 MOSTLY = {
     Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
     Cause.PIVOT: "its pivot is uncertain: draw its centre more precisely with `decode setup`",
-    Cause.VIEWED: "of the side from which it is seen: draw its `rim` or reference points with `decode setup`",
+    Cause.VIEWED: "of the side from which it is seen: see *Oblique views* in docs/panel.md",
     Cause.PLACED: "its dial is not found where the anchors put it: box an anchor nearer to it with `decode setup`",
 }
 
