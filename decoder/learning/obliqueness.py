@@ -30,13 +30,15 @@ from decoder.learning.drawn_points import squeeze_of
 from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.matching.pivot_search import ALL_AXES, SQUEEZE_AXES, climbed, even_marks_squeeze
 from decoder.matching.thresholds import FAR_GAIN, MIN_VIEWS
-from decoder.panel.arrays import Floats
+from decoder.panel.arrays import Floats, limited
 from decoder.panel.gauge import Gauge
 from decoder.registration.thresholds import NOISE_LEVELS
 
 # A dial is sampled with this many pixels for its radius, on circles between these parts of it: needles end within a
 # bezel, which may be as wide as half of it.
 RADIUS_PX, CIRCLES = 40, np.linspace(0.35, 1.8, 48)
+# Each of these pixels is the mean of at most so many by so many points of the picture, however large the dial is.
+FINEST = 8
 AROUND = np.arange(0.0, math.tau, math.tau / 120)
 RINGS = np.stack([CIRCLES * wave(AROUND)[:, None] for wave in (np.cos, np.sin)], axis=-1).astype(np.float32)
 # The middle of a bezel is at most this far from the drawn centre, and the squeeze in sum with it, in radii.
@@ -236,7 +238,7 @@ class _Circles:
     @classmethod
     def of(cls, source: PanelPictures, centre: Floats, radius_px: float) -> Self:
         """Cut it out of the panel picture, without the lens's distortion."""
-        fine = math.ceil(radius_px / RADIUS_PX)
+        fine = int(limited(np.ceil(radius_px / RADIUS_PX), 1, FINEST))
         reach = math.ceil(RADIUS_PX * (1.0 + REACH) * CIRCLES[-1])
         ticks = np.arange(-reach, reach + 1, 1 / fine) * (radius_px / RADIUS_PX)
         points = np.stack(np.meshgrid(*(at + ticks for at in centre)), axis=-1).astype(np.float32)
