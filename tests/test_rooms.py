@@ -25,7 +25,7 @@ PACKAGES = sorted(
 )
 FRONT_DOOR = {"__init__.py", "start.py"}
 MAX_ROOMS, MAX_MODULES, MAX_MODULES_OUTSIDE = 12, 15, 20
-MAX_THRESHOLDS, MAX_THRESHOLDS_OUTSIDE = 150, 26
+MAX_THRESHOLDS, MAX_THRESHOLDS_OUTSIDE = 149, 26
 # Of what only proposes to a person, and decides on no reading: a table of its own.
 PROPOSES, MAX_THRESHOLDS_PROPOSING = "decoder.setup.finding.thresholds", 34
 # Compared, but no choice of ours: units, codes, formats, a JPEG's blocks, where bank scales have marks, unknowns, how
@@ -36,6 +36,7 @@ CONVERSIONS = {
     "DIGITS",
     "DIGITS_OF_FULL_SCALE",
     "FACE",
+    "FINEST",
     "FULL_CIRCLE_DEG",
     "HIDDEN",
     "LETTER_WIDTH",
@@ -46,6 +47,7 @@ CONVERSIONS = {
     "NS_PER_S",
     "ONE",
     "PHASES_PER_ROW",
+    "RADIUS_PX",
     "READ",
     "ROWS_OF_BLOCKS",
     "UNIFORM_SIGMA",

@@ -15,7 +15,7 @@ from decoder.learning.budget import Budget, Cause
 from decoder.panel.scale import Combination, Scale, shortest
 from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.timeseries.flight_data import CODE, FlightData, NeedleSeries, PanelSigmaDeg
-from decoder.timeseries.thresholds import ALLOWED_PART, NEEDED_PART, SMALLEST_PART
+from decoder.timeseries.thresholds import NEEDED_PART, SMALLEST_PART
 
 WELL = "drawn well"
 SEEN = "it is hard to see there"
@@ -24,7 +24,6 @@ PLAINLY = "on a picture that shows it plainly"
 MOSTLY = {
     Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
     Cause.PIVOT: "its pivot is uncertain: draw its centre more precisely with `decode setup`",
-    Cause.VIEWED: "of the side from which it is seen: see *Oblique views* in docs/panel.md",
     Cause.PLACED: "its dial is not found where the anchors put it: box an anchor nearer to it with `decode setup`",
 }
 
@@ -33,8 +32,7 @@ def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightD
     """Downgrade values that are too uncertain because of their gauge's drawing or position, or their frame; say why.
 
     A whole needle matched there, but its scale, its pivot or its dial may be off, or it was hard to see. One wrong
-    value does more harm than ten that are marked as doubtful. Mere allowances count only if they are large. The reasons
-    are by gauge.
+    value does more harm than ten that are marked as doubtful. Mere allowances do not count. The reasons are by gauge.
     """
     found, doubts = [], defaultdict(list)
     for series in data.series:
@@ -43,8 +41,8 @@ def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightD
             allowed_deg = allowed_sigma_deg(quantity.name, series.angle_deg)
             scale = Scale.of(quantity.marks, quantity.wraps)
             allowed = scale.steepest_at(series.angle_deg, allowed_deg) * allowed_deg
-            own, parts = np.sqrt(np.maximum(series.sigma**2 - allowed**2, 0.0)), series.sigma / quantity.full_scale
-            doubtful &= (own / quantity.full_scale > SMALLEST_PART) | (parts > ALLOWED_PART)
+            parts = np.sqrt(np.maximum(series.sigma**2 - allowed**2, 0.0)) / quantity.full_scale
+            doubtful &= parts > SMALLEST_PART
             if doubtful.any():
                 worst = int(np.where(doubtful, parts, 0.0).argmax())
                 doubts[quantity.gauge].append(
@@ -59,7 +57,7 @@ def doubted(data: FlightData, allowed_sigma_deg: PanelSigmaDeg) -> tuple[FlightD
 
 
 def _mostly(budget: Budget | None, series: NeedleSeries, row: int) -> str:
-    """Name the largest part of a value's uncertainty."""
+    """Name the largest part of a value's uncertainty, apart from mere allowances."""
     sigmas = {} if budget is None else budget.at(float(series.value[row]))
     own_frame = float(series.sigma[row]) ** 2 - sum(sigma**2 for sigma in sigmas.values())
     causes = [(sigmas[cause] ** 2, words) for cause, words in MOSTLY.items() if cause in sigmas]

@@ -8,7 +8,6 @@
 | MIN_OVERLAP | 0.3 | - | part of the flight's rows within the truth | with less, they fit by chance |
 | NEEDED_PART | 0.95 | - | of a needle's values within a recorder's limit | a truth at 1 Hz is interpolated |
 | SMALLEST_PART | 0.01 | - | of full scale; smaller outliers and drawing sigmas do not matter | rendered flights |
-| ALLOWED_PART | 0.012 | - | of full scale; the largest sigma of what is read | strangers: above it, one in 7 is wrong |
 | BACK_PART | 1 / 3 | - | of how far an outlier went that may remain when it is back | steps stay above |
 | SHORTER | 0.8 | - | ratio of lengths, either way, that counts as the same length | a few of each |
 | MOST_STRETCHED | 4.0 | - | times the longest known stretch that a gap may be | other people's flights |
@@ -28,7 +27,6 @@ MIN_ROWS = 12
 MIN_OVERLAP = 0.3
 NEEDED_PART = 0.95
 SMALLEST_PART = 0.01
-ALLOWED_PART = 0.012
 BACK_PART = 1 / 3
 SHORTER = 0.8
 MOST_STRETCHED = 4.0

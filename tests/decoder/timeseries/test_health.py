@@ -116,7 +116,7 @@ def test_pointers_that_contradict_each_other_are_named(alone: Status) -> None:
     )
 
 
-@pytest.mark.parametrize("allowed_deg", [0.0, 4.2])
+@pytest.mark.parametrize("allowed_deg", [0.0, 5.4])
 def test_value_that_may_be_off_is_not_read(allowed_deg: float) -> None:
     """Beyond 1 % of full scale or so by its frame or its drawing, whatever is allowed for; value and sigma stay."""
     data = flight_of(series_of([10, 20, 80]), series_of([1, 2, 3], name="exact"))
@@ -131,28 +131,21 @@ def test_value_that_may_be_off_is_not_read(allowed_deg: float) -> None:
     assert [each.split(":")[0] for each in doubts["dial"]] == ["a is `edge`, not `read`, in 1 frames"]
 
 
-def test_value_for_which_much_has_to_be_allowed_is_not_read() -> None:
-    """Whatever makes it uncertain by more than 1.2 % of full scale; a seventh of strangers' such values was wrong."""
-    series = replace(series_of([10, 20]), sigma=np.array([1.1, 1.3]))
-    told, _ = doubted(flight_of(series), lambda _, values: np.full_like(values, 1.3 * 3.6))
-
-    assert told.series[0].status.tolist() == [CODE[Status.READ], CODE[Status.EDGE]]
-
-
 @pytest.mark.parametrize(
     ("cause", "advice"),
     [
         (Cause.DRAWN, "draw its centre, radius and marks more precisely"),
         (Cause.PIVOT, "its pivot is uncertain"),
         (Cause.PLACED, "box an anchor nearer to it"),
-        (Cause.VIEWED, "of the side from which it is seen"),
-        (None, "it is hard to see there"),
+        (Cause.VIEWED, "it is hard to see there"),  # what is only allowed for is no reason
     ],
 )
-def test_doubt_is_said_with_what_most_of_it_comes_from(cause: Cause | None, advice: str) -> None:
+def test_doubt_is_said_with_what_most_of_it_comes_from(cause: Cause, advice: str) -> None:
     """Each cause has a remedy of its own; what none explains is the frame's."""
     data = flight_of(replace(series_of([10, 80]), sigma=np.array([0.1, 5.0])))
     sigmas = {each: np.full(2, 4.0 if each is cause else 0.5) for each in Cause}
+    if cause is Cause.VIEWED:
+        sigmas[cause] = np.full(2, 0.5)
     data = replace(data, budgets={"a": Budget(np.array([0.0, 100.0]), None, sigmas)})
     (said,) = doubted(data, lambda _, values: np.zeros_like(values))[1]["dial"]
 
