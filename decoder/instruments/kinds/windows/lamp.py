@@ -84,7 +84,7 @@ class LampPicture:
         in its other state: then the panel states the wrong state. Or it is often between both, and looks like neither:
         then more than its state changes.
     is_strict
-        Whether more frames of the sample are away from the panel picture's state, but look like neither, than are in
+        Whether clearly more frames of the sample are away from the panel picture's state, but look like neither, than are in
         the other: that may be glare then, and what is between them the lamp.
     """
 
@@ -397,7 +397,7 @@ def _with_states(lamp: Lamp, learned: LampPicture, added: Added) -> LampPicture:
         learned = replace(learned, inside=MAD_TO_SIGMA**2 * np.median(learned.unlike(added), axis=0))
         strict = replace(learned, is_strict=True)
         is_away = (away > HALF * BEYOND_CHANCE_SPREADS * strict.sigmas_alike(added)) & ~is_seen
-        learned = strict if is_away.sum() > is_seen.sum() else learned
+        learned = strict if is_away.sum() > CLEARLY_WORSE * is_seen.sum() else learned
     sure = BEYOND_CHANCE_SPREADS * learned.sigmas(added)
     is_between = (np.abs(away) > sure) & (learned.scores(added) >= SCORE_THRESHOLD)
     for other in learned.others:
