@@ -84,8 +84,8 @@ class LampPicture:
         in its other state: then the panel states the wrong state. Or it is often between both, and looks like neither:
         then more than its state changes.
     is_strict
-        Whether clearly more frames of the sample are away from the panel picture's state, but look like neither, than are in
-        the other: that may be glare then, and what is between them the lamp.
+        Whether clearly more frames of the sample are away from the panel picture's state, but look like neither, than
+        are in the other: that may be glare then, and what is between them the lamp.
     """
 
     drawn: UnwrappedGauge
