@@ -259,11 +259,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
             squeezes=allowed,
             squared_up=_corrected(last.reader.source),
         ),
-        moved_px={
-            gauge.name: (gauge.centre[0] - drawn.centre[0], gauge.centre[1] - drawn.centre[1])
-            for drawn, gauge, path, _ in parts
-            if path.was_moved
-        },
+        moved_px={gauge.name: _beside(drawn, gauge) for drawn, gauge, path, _ in parts if path.was_moved},
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
         unexplained=frozenset(unexplained),
         squeezes=_corrected(last.reader.source),
@@ -271,6 +267,11 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         has_points=log_odds > 0.0,
         sampled=len(samples),
     )
+
+
+def _beside(drawn: Gauge, moved: Gauge) -> Vector:
+    """(x, y), pixels: how far a gauge was moved from where it is drawn."""
+    return moved.centre[0] - drawn.centre[0], moved.centre[1] - drawn.centre[1]
 
 
 @dataclass(frozen=True, slots=True)

@@ -308,7 +308,7 @@ class _ViewSearch:
 
     def best(self, axes: Axes, square_on: Floats) -> tuple[float, Floats]:
         """Climb to the best view, also from the best without a squeeze."""
-        squeezes = np.pad(disc(self.reach, STEP_PART), ((0, 0), (2, 0)))
+        squeezes = np.pad(_disc(self.reach, STEP_PART), ((0, 0), (2, 0)))
         starts = np.zeros(4), square_on, squeezes[self.score(squeezes).argmax()]
         return max((self.climb(start, axes) for start in starts), key=itemgetter(0))
 
@@ -329,7 +329,7 @@ def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None
         return np.array([_even(rings.around((x_px, y_px), squeeze)[0]) for x_px, y_px, squeeze in seen])
 
     # Many marks are in step in some wrong views too, so views have to be close to each other, if not with all radii.
-    near, views = disc(reach / 4, STEP_PART / 2), disc(reach / 2, STEP_PART / 2)
+    near, views = _disc(reach / 4, STEP_PART / 2), _disc(reach / 2, STEP_PART / 2)
     starts = np.array([[*offset, *squeeze] for offset in near for squeeze in views])
     thin = replace(rings, radii_px=rings.radii_px[::BANDS])
     likely = starts[np.argsort(score(starts, thin))[-BANDS:]]
@@ -398,7 +398,7 @@ def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
 def _finest(score: Score, offset_px: Floats, step_px: float) -> Vector:
     """Climb to the peak of a score in ever smaller steps."""
     for _ in range(2):
-        steps = step_px * disc(1.5, 1.0)
+        steps = step_px * _disc(1.5, 1.0)
         offset_px = offset_px + _peak(steps, score(offset_px + steps), step_px)
         step_px /= 2
     return float(offset_px[0]), float(offset_px[1])
@@ -515,7 +515,7 @@ def _best(
         return -likely
 
     drawn = float(score(np.zeros((1, 2)))[0])
-    first = disc(reach_px, STEP_PART * radius_px)
+    first = _disc(reach_px, STEP_PART * radius_px)
     start = first[liked(first).argmax()]
     last_px = LAST_STEP_PART * radius_px
     steps = np.stack(np.meshgrid([-last_px, 0.0, last_px], [-last_px, 0.0, last_px]), axis=-1).reshape(-1, 2)
@@ -527,7 +527,7 @@ def _best(
     return float(offset[0]), float(offset[1])
 
 
-def disc(reach: float, step: float) -> Floats:
+def _disc(reach: float, step: float) -> Floats:
     """(N, 2): a square grid of offsets up to a distance."""
     count = math.floor(reach / step)
     ticks = step * np.arange(-count, count + 1)
