@@ -5,6 +5,7 @@ The scheduler itself gives a flight whose worker died to another worker, as ofte
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import socket
 import time
@@ -79,6 +80,7 @@ class ClusterWorkers:
                 self._client = Client(self._scheduler, timeout=CONNECT_S, set_as_default=False)
             except (OSError, ValueError) as error:
                 raise _no_scheduler(self._scheduler) from error
+        self._client.sync(_drop_words_of_dropped_futures)
         self._executor = ClientExecutor(self._client, pure=False)
         try:
             self._check()
@@ -109,6 +111,15 @@ class ClusterWorkers:
             ) from error
         for worker, theirs in answers.items():
             refuse_mismatch(installed(), theirs, f"the worker {worker}")
+
+
+async def _drop_words_of_dropped_futures() -> None:
+    """Keep the client's event loop from telling what nobody waits for any more.
+
+    The loop stops at a moment when the client's own sender may just have timed out, and would say so at the end of the
+    process, although every flight is done. What does fail reaches us through the futures of flights.
+    """
+    asyncio.get_running_loop().set_exception_handler(lambda _loop, _context: None)
 
 
 def _refuse_unreachable(scheduler: str) -> None:

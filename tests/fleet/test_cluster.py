@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import shutil
 import signal
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from decoder.parallel.cluster_workers import ClusterWorkers
+from decoder.parallel.decoding import decode_one
 from tests.fleet.watching import find_reader, kill_whole, results, started, states
 from tests.programs import ROOT, Run, until
 
@@ -51,6 +55,19 @@ def test_other_code_is_refused(empty_cluster: Cluster, run: Run, few: Path, tmp_
     assert "install the same on both" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert list((tmp_path / "out").iterdir()) == [tmp_path / "out" / "index.csv"]
+
+
+def test_loop_that_stops_while_its_sender_waits(cluster: Cluster, caplog: pytest.LogCaptureFixture) -> None:
+    """A future of the client's own that timed out as its loop stopped is no word to the user."""
+
+    async def time_out() -> None:
+        asyncio.get_running_loop().create_future().set_exception(TimeoutError("Timeout"))
+
+    with ClusterWorkers(cluster.address, decode_one) as workers:
+        workers._client.sync(time_out)
+    gc.collect()
+
+    assert [record.message for record in caplog.records if record.name == "asyncio"] == []
 
 
 def test_no_scheduler_and_no_workers(empty_cluster: Cluster, run: Run, few: Path, tmp_path: Path) -> None:
