@@ -116,8 +116,16 @@ class Squeeze:
 
     def square_on_deg(self, angle_deg: float) -> float:
         """Convert an angle as it appears to the dial's own, in the same turn."""
-        x, y = np.linalg.solve(self.matrix, [math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
+        x, y = self._square_on(angle_deg)
         return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0)
+
+    def square_on_size(self, angle_deg: float) -> float:
+        """Return how long a length of 1 is on the dial that appears at this angle."""
+        return math.hypot(*self._square_on(angle_deg))
+
+    def _square_on(self, angle_deg: float) -> tuple[float, float]:
+        x, y = np.linalg.solve(self.matrix, [math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
+        return float(x), float(y)
 
 
 @dataclass(frozen=True, slots=True)

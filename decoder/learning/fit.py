@@ -133,6 +133,7 @@ class FittedReader:
             yield f"read in {mixture}, where what moves on it shows better or more surely than in grey"
         index = self.panel.gauges.index(gauge)
         yield from _aside(self.squeezes[index], self.allowed[index])
+        yield from _upright(gauge, self.squeezes[index] or self.allowed[index])
         yield from kind_of(gauge).findings(gauge, self.reader.appearance)
         if gauge.name in self.unsettled:
             yield (
@@ -197,6 +198,16 @@ def _aside(corrected: Squeeze | None, allowed: Squeeze | None) -> Iterator[str]:
             is_known = squeeze is corrected and 0.0 < squeeze.doubt < MOST_MARK_PART
             advice = "" if is_known else ": draw its `rim`, or the panel's reference points, with `decode setup`"
             yield f"is seen from about {squeeze.aside_deg:.0f} degrees aside, {what}{advice}"
+
+
+def _upright(gauge: Gauge, squeeze: Squeeze | None) -> Iterator[str]:
+    """Say which values depend on a dial's upright that nobody drew, if it is seen from aside."""
+    names = [quantity.name for quantity in gauge.quantities if quantity.has_upright_zero]
+    if names and squeeze is not None and squeeze.part > MOST_MARK_PART:
+        yield (
+            f"{' and '.join(names)} is read straight up, which seen from aside may not be the dial's upright: sigma"
+            " allows for that; draw its `index` with `decode setup`"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,17 +342,9 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     return begun, last
 
 
-def _is_to_square_up(gauge: Gauge, squeeze: Squeeze) -> bool:
-    """Whether readings change with a squeeze; a shift is measured as it appears, so its dial stays."""
-    return squeeze.part > MOST_MARK_PART and not any(quantity.is_shift for quantity in gauge.quantities)
-
-
 def _squared_up_as_seen(reader: PanelReader, seen: Sequence[Squeeze | None]) -> PanelReader:
     """Square up the dials of a panel that are seen obliquely."""
-    squeezes = [
-        own if own is not None and _is_to_square_up(gauge, own) else None
-        for gauge, own in zip(reader.source.panel.gauges, seen, strict=True)
-    ]
+    squeezes = [own if own is not None and own.part > MOST_MARK_PART else None for own in seen]
     return squared_up(reader, squeezes) if any(squeezes) else reader
 
 
@@ -589,7 +592,7 @@ def _planes_around(
 def squared_up(reader: PanelReader, squeezes: Sequence[Squeeze | None]) -> PanelReader:
     """Return a reader of the panel as drawn with more dials squared up; it has not learned them again yet."""
     gauges = tuple(
-        gauge if squeeze is None else gauge.at_angles(squeeze.square_on_deg)
+        gauge if squeeze is None else gauge.squared_up(squeeze.square_on_deg, squeeze.square_on_size)
         for gauge, squeeze in zip(reader.source.panel.gauges, squeezes, strict=True)
     )
     panel = reader.source.panel.model_copy(update={"gauges": gauges})

@@ -168,12 +168,14 @@ class _Care:
 class _View:
     """The parts by which a dial may be squeezed beyond what its reading knows: all around it, and along a shift.
 
-    `obliqueness` is the tangent of the angle from which it is seen.
+    `obliqueness` is the tangent of the angle from which it is seen, and `rolled_deg` how far the dial's own upright may
+    be from straight up, if nobody drew it.
     """
 
     around_part: float
     along_part: float
     obliqueness: float
+    rolled_deg: float = 0.0
 
 
 def quantity_uncertainties(
@@ -255,14 +257,23 @@ def _views(
         (each for each in squared_up if each is not None), key=lambda each: each.part, default=Squeeze(0.0, 0.0)
     )
     for index, (own, known) in enumerate(zip(squeezes or none, squared_up or none, strict=True)):
-        plane = drawn.grid(index).plane
+        plane, likely = drawn.grid(index).plane, own or others
         if known is not None:
-            yield _View(known.doubt, known.doubt, known.obliqueness)
+            yield _View(known.doubt, known.doubt, known.obliqueness, _rolled_deg(others))
         elif plane is not None:
             yield _View(0.0, 0.0, plane.obliqueness)
         else:
-            likely = own or others
-            yield _View(likely.part, math.hypot(likely.part, USUAL_VIEW**2 / 4), likely.obliqueness)
+            along_part = math.hypot(likely.part, USUAL_VIEW**2 / 4)
+            yield _View(likely.part, along_part, likely.obliqueness, _rolled_deg(likely))
+
+
+def _rolled_deg(squeeze: Squeeze) -> float:
+    """Estimate how far from straight up an upright appears where a circle appears like that.
+
+    On a dial that is squared up, uprights are as far to one side if the camera is held along uprights as they are to
+    the other side if it is held along levels: by `askew`, which may be anything up to the squeeze's part.
+    """
+    return math.degrees(squeeze.part / math.sqrt(2.0))
 
 
 def _of_other(
@@ -270,8 +281,9 @@ def _of_other(
 ) -> QuantityUncertainty:
     """Estimate it for anything but a needle; an error in drawing a zero of its own affects all values alike."""
     dial = replace(dial, bowed=quantity if quantity.bow_per_deg else None)
-    if quantity.has_drawn_zero:
-        return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, _hand_deg(gauge, care)))
+    if quantity.has_drawn_zero or quantity.has_upright_zero:
+        zero_deg = _hand_deg(gauge, care) if quantity.has_drawn_zero else view.rolled_deg
+        return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, zero_deg))
     return replace(_of_shift(dial, path, care), stretched_part=view.along_part) if quantity.is_shift else dial
 
 

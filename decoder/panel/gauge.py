@@ -274,11 +274,15 @@ class Gauge(Strict):
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Self:
         """Return the gauge with every drawn angle replaced by the true one."""
+        return self._at_angles(true_deg, self.kind.at_angles(true_deg))
+
+    def squared_up(self, true_deg: Callable[[float], float], true_size: Callable[[float], float]) -> Self:
+        """Return a gauge that is drawn as it appears obliquely as it is square on; see `Kind.squared_up`."""
+        return self._at_angles(true_deg, self.kind.squared_up(self, true_deg, true_size))
+
+    def _at_angles(self, true_deg: Callable[[float], float], own: Mapping[str, object]) -> Self:
         first, last = self.sweep
-        told: dict[str, object] = {
-            "scale": marks_at(self.scale, true_deg),
-            **self.kind.at_angles(true_deg),
-        }
+        told: dict[str, object] = {"scale": marks_at(self.scale, true_deg), **own}
         if not self.is_round:
             told["sweep"] = (true_deg(first), true_deg(last))
             told["stops"] = self.stops and (true_deg(self.stops[0]), true_deg(self.stops[1]))

@@ -200,6 +200,22 @@ class DescribedKind(Protocol):
         """Return the content of its keys in a gauge, with every drawn angle replaced by the true one."""
         ...
 
+    def squared_up(
+        self, dial: Dial, true_deg: Callable[[float], float], true_size: Callable[[float], float]
+    ) -> Mapping[str, object]:
+        """Return the content of its keys on a dial that is seen obliquely, as it is square on.
+
+        Parameters
+        ----------
+        dial
+            On which it is drawn as it appears.
+        true_deg
+            The true angle of one that is drawn.
+        true_size
+            How long a length of 1 is on the dial that is drawn at an angle.
+        """
+        ...
+
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
         """Turn and scale its part of a draft along with its dial, onto another picture.
@@ -254,6 +270,12 @@ class Plain:
     def at_angles(self, _true_deg: Callable[[float], float]) -> Mapping[str, object]:
         """Return nothing."""
         return {}
+
+    def squared_up(
+        self, _dial: Dial, true_deg: Callable[[float], float], _true_size: Callable[[float], float]
+    ) -> Mapping[str, object]:
+        """Return it with true angles: it measures no lengths."""
+        return self.at_angles(true_deg)
 
     @staticmethod
     def carry(_gauge: Drawn, _turn_deg: float, _size: float, _angles_deg: Mapping[str, float]) -> float:

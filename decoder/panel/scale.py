@@ -228,6 +228,8 @@ class Quantity:
     has_drawn_zero
         Whether it is read relative to a place that somebody drew besides its marks (where a pointer was cut, a card's
         index), so that all values share the error of that place.
+    has_upright_zero
+        Whether it is read relative to straight up, as nobody drew where: the camera's roll then affects all values.
     goes_on
         Whether its values go on beyond the outermost marks.
     is_shift
@@ -248,6 +250,7 @@ class Quantity:
     written: Written | None = None
     is_drawn: bool = True
     has_drawn_zero: bool = False
+    has_upright_zero: bool = False
     goes_on: bool = False
     is_shift: bool = False
     bow_per_deg: float = 0.0

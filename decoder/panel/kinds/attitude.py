@@ -16,6 +16,7 @@ from decoder.panel.scale import FULL_CIRCLE_DEG, MOST_POINTS, Quantity, Scale, m
 
 DOWN_DEG, UP_DEG = 90.0, 270.0
 HALF_TURN_DEG = 180.0
+QUARTER_TURN_DEG = 90.0
 PITCHES_DEG = -90.0, 90.0
 
 Ladder = Annotated[tuple[tuple[Pixels, Number], ...], Field(max_length=MOST_POINTS)]
@@ -105,7 +106,16 @@ class Attitude(Plain, Strict):
         shifts = tuple((up_px * a_pixel_deg, pitch_deg) for up_px, pitch_deg in self.ladder)
         return (
             Quantity(
-                self.roll, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate, lowest=-HALF_TURN_DEG
+                self.roll,
+                dial.name,
+                dial.unit,
+                dial.scale,
+                dial.wraps,
+                None,
+                self.max_rate,
+                lowest=-HALF_TURN_DEG,
+                has_drawn_zero=self._has_drawn_index,
+                has_upright_zero=not self._has_drawn_index,
             ),
             Quantity(
                 self.pitch, dial.name, dial.unit, shifts, None, None, self.max_rate, limits=PITCHES_DEG, is_shift=True
@@ -116,6 +126,13 @@ class Attitude(Plain, Strict):
         """Return how far the ring is turned clockwise in the panel picture."""
         (level_deg,) = Scale.of(dial.scale, dial.wraps).angles_of(np.zeros(1)).tolist()
         return float((level_deg - self.index + HALF_TURN_DEG) % FULL_CIRCLE_DEG - HALF_TURN_DEG)
+
+    def tilt_deg(self, dial: Dial) -> float:
+        """Return how far the horizon is turned clockwise in the panel picture, whose camera may be rolled.
+
+        Its index is at the top of its case, at a side or at the bottom; what is left of its angle is the camera's roll.
+        """
+        return math.remainder(self.index, QUARTER_TURN_DEG) + self.horizon_turn * self.turned_deg(dial)
 
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index of bank."""
@@ -138,12 +155,24 @@ class Attitude(Plain, Strict):
         return {self.pitch: ((below_deg + half_deg, self.window), (below_deg - half_deg, self.window))}
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
-        """Return it with its index at its true angle; its marks of bank are the gauge's.
+        """Return it with its index at its true angle; its marks of bank are the gauge's."""
+        return {self.form.key: self._indexed(true_deg)}
 
-        An index that was left out is straight up: it was not drawn, so a wrong centre does not affect it.
-        """
-        index_deg = true_deg(self.index) if "index" in self.model_fields_set else self.index
-        return {self.form.key: self.model_copy(update={"index": index_deg})}
+    def _indexed(self, true_deg: Callable[[float], float]) -> Attitude:
+        """Return it with its index at its true angle, or straight up if it was left out: nobody drew it elsewhere."""
+        return self.model_copy(update={"index": true_deg(self.index)} if self._has_drawn_index else {})
+
+    @property
+    def _has_drawn_index(self) -> bool:
+        return "index" in self.model_fields_set
+
+    def squared_up(
+        self, dial: Dial, true_deg: Callable[[float], float], true_size: Callable[[float], float]
+    ) -> Mapping[str, object]:
+        """Return it with its index at its true angle, and its ladder as long as it is along its own upright."""
+        size = true_size(UP_DEG + self.tilt_deg(dial))
+        ladder = tuple((up_px * size, pitch_deg) for up_px, pitch_deg in self.ladder)
+        return {self.form.key: self._indexed(true_deg).model_copy(update={"ladder": ladder})}
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:

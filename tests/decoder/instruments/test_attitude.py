@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from decoder.imaging.pictures import FramePicture, GreyPicture
+from decoder.imaging.planes import Squeeze
 from decoder.imaging.unwrapping import PolarGrid, gauge_grid
 from decoder.instruments.kinds.dials.attitude import (
     AttitudeKind,
@@ -21,6 +23,7 @@ from decoder.instruments.kinds.dials.attitude import (
 )
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
+from decoder.learning.fit import squared_up, tune
 from decoder.panel.arrays import Floats
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.attitude import Attitude
@@ -146,6 +149,82 @@ def test_an_index_that_was_left_out_is_straight_up_wherever_the_ring_turns(
     assert carried.quantities[0].marks[0][0] == pytest.approx(272.0 - PANEL_ROLL_DEG)
     assert carried.attitude is not None
     assert carried.attitude.index == true_deg
+
+
+SQUEEZE = Squeeze(0.05, -0.07)
+ROLLED_DEG = 25.0
+
+
+def warped(picture: GreyPicture, matrix: Floats) -> GreyPicture:
+    """The picture as a (2, 2) matrix makes it appear around the dial's centre."""
+    centre = np.array(CENTRE)
+    seen = np.column_stack([matrix, centre - matrix @ centre])
+    return np.asarray(cv2.warpAffine(picture, seen, picture.shape[::-1], flags=cv2.INTER_CUBIC), np.uint8)
+
+
+def squeezed(picture: GreyPicture) -> GreyPicture:
+    """The dial as seen from some 33 degrees aside."""
+    return warped(picture, SQUEEZE.matrix)
+
+
+def rolled(picture: GreyPicture) -> GreyPicture:
+    """The dial as a rolled camera sees it."""
+    cos, sin = math.cos(math.radians(ROLLED_DEG)), math.sin(math.radians(ROLLED_DEG))
+    return warped(picture, np.array([[cos, -sin], [sin, cos]]))
+
+
+def seen_at(angle_deg: float) -> tuple[float, float]:
+    """Where a point at an angle of the dial appears: its angle there, and how much farther from the centre."""
+    x, y = SQUEEZE.matrix @ [math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))]
+    return angle_deg + math.remainder(math.degrees(math.atan2(y, x)) - angle_deg, 360.0), math.hypot(x, y)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ring", [True, False], ids=["ring", "no ring"])
+def test_an_indicator_that_was_drawn_as_it_appears_from_aside_is_squared_up(*, ring: bool) -> None:
+    """As it appears, banks are up to 5 degrees off, and pitch a tenth, and no ring matches that turns."""
+    described_ = described(ring=ring)
+    described_["scale"] = [[seen_at(angle_deg)[0], bank] for angle_deg, bank in described_["scale"]]
+    _, size = seen_at(270 - PANEL_ROLL_DEG)
+    described_["attitude"] |= {
+        "index": seen_at(270.0)[0],
+        "ladder": [[up_px * size, pitch_deg] for up_px, pitch_deg in described_["attitude"]["ladder"]],
+    }
+    frames = [squeezed(frame) for frame in flight(ring=ring)]
+    drawn = reader_for([described_], squeezed(draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring)))
+
+    reader = tune(squared_up(drawn, [SQUEEZE]), frames)
+
+    for seed, (roll_deg, pitch_deg) in enumerate([(45.0, 6.0), (-45.0, -8.0), (80.0, 3.0), (5.0, 14.0)]):
+        assert_read(reader, squeezed(draw(roll_deg, pitch_deg, 40 + seed, ring=ring)), roll_deg, pitch_deg, 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ring", [True, False], ids=["ring", "no ring"])
+def test_an_indicator_in_a_rolled_picture_shifts_along_its_own_upright(*, ring: bool) -> None:
+    """Its index is drawn where it appears, and so is the horizon's upright."""
+    described_ = described(ring=ring)
+    described_["scale"] = [[angle_deg + ROLLED_DEG, bank] for angle_deg, bank in described_["scale"]]
+    described_["attitude"] |= {"index": 270.0 + ROLLED_DEG}
+    picture = rolled(draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=ring))
+
+    reader = reader_for([described_], picture, [rolled(frame) for frame in flight(ring=ring)])
+
+    for seed, (roll_deg, pitch_deg) in enumerate([(45.0, 6.0), (-45.0, -8.0), (80.0, 3.0), (5.0, 14.0)]):
+        assert_read(reader, rolled(draw(roll_deg, pitch_deg, 40 + seed, ring=ring)), roll_deg, pitch_deg, 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("off_deg", [-5.0, 4.0])
+def test_a_bank_that_was_drawn_wrong_without_a_ring_is_told_by_the_horizon_itself(off_deg: float) -> None:
+    """Its line and its ladder show how far it is turned in the panel picture."""
+    described_ = described(ring=False)
+    described_["scale"] = [[angle_deg + off_deg, bank] for angle_deg, bank in described_["scale"]]
+
+    reader = reader_for([described_], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, ring=False), flight(ring=False))
+
+    for seed, (roll_deg, pitch_deg) in enumerate([(45.0, 6.0), (-45.0, -8.0), (80.0, 3.0), (5.0, 14.0)]):
+        assert_read(reader, draw(roll_deg, pitch_deg, 40 + seed, ring=False), roll_deg, pitch_deg, 0.5)
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["ring", "no ring"])
@@ -486,3 +565,54 @@ def test_thin_lines_on_a_large_dial_are_found_between_the_steps_of_the_search() 
 
     assert is_read.mean() >= 0.9
     assert np.abs(off_deg[is_read]).max() < 0.5
+
+
+def ball(roll_deg: float, pitch_deg: float, grid: PolarGrid, seed: int) -> Floats:
+    """A dial of 70 pixels whose ladder is dense, seen through a window without a ring."""
+    x, y = (grid.points().astype(np.float64) - 200.0) / 0.8
+    roll = math.radians(roll_deg)
+    right, up_px = x * math.cos(roll) - y * math.sin(roll), -x * math.sin(roll) - y * math.cos(roll)
+    above_px = up_px + pitch_deg * BALL_DEG_PX
+    levels = 60.0 + 90.0 * np.clip(above_px + 0.5, 0.0, 1.0)
+    for deg in range(-80, 81, 5):
+        is_there = np.abs(above_px - deg * BALL_DEG_PX) < (0.9 if deg else 1.5)
+        levels[is_there & (np.abs(right) < ((16.0, 32.0)[deg % 10 == 0] if deg else 200.0))] = 225.0
+    levels[(np.abs(y) < 2.0) & (np.abs(x) > 12.0) & (np.abs(x) < 45.0)] = 245.0
+    return np.asarray(levels + np.random.default_rng(seed).normal(0.0, 2.0, levels.shape), np.float32)
+
+
+BALL_DEG_PX = 2.6
+
+
+def ball_as_drawn(roll_deg: float, pitch_deg: float) -> Attitudes:
+    """That dial, drawn at this attitude."""
+    ladder = [[0.8 * (deg - pitch_deg) * BALL_DEG_PX, deg] for deg in (-10, 0, 10)]
+    attitude = {"roll": "roll_deg", "pitch": "pitch_deg", "window": 68.8, "ladder": ladder}
+    dial = {"name": "ball", "centre": [200, 200], "radius": [4.8, 83.2], "sweep": [0, 360], "wraps": 360}
+    scale = [[270 - roll_deg, 0], [450 - roll_deg, 180]]
+    gauge = Gauge.model_validate({**dial, "scale": scale, "attitude": attitude})
+    return Attitudes.of(gauge, gauge_grid(gauge))
+
+
+@pytest.mark.slow
+def test_a_ladder_that_is_like_itself_a_mark_further_on_is_learned() -> None:
+    """The panel picture, with its symbol, matched there about as well, and so nothing had been learned at all."""
+    own = ball_as_drawn(20.0, 5.0)
+    parts = np.arange(16) / 16
+    rolls = 60.0 * np.sin(6.0 * np.pi * parts) * np.cos(1.4 * np.pi * parts + 0.3)
+    pitches = 15.0 * np.sin(4.0 * np.pi * parts + 1.0) * np.cos(np.pi * parts)
+    strips = [ball(*both, own.grid, seed) for seed, both in enumerate(np.transpose([rolls, pitches]).tolist())]
+
+    picture = learn_attitude(own, strips, first_attitude(own, ball(20.0, 5.0, own.grid, 99), None), None)
+
+    assert picture.is_learned
+
+
+def test_a_horizon_that_is_known_to_be_upright_is_not_found_upside_down() -> None:
+    """So frames teach what it looks like while symbol and frame still make it match upside down as well."""
+    own = ball_as_drawn(0.0, 0.0)
+    reader = AttitudeReader(own, first_attitude(own, ball(0.0, 0.0, own.grid, 1), None), None)
+    view = ball(170.0, 3.0, own.grid, 2), None
+
+    assert reader.horizon(view).place.is_inverted
+    assert not reader.horizon(view, is_upright=True).place.is_inverted

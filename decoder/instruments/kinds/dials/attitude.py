@@ -69,6 +69,8 @@ QUARTERS = 4
 ROUNDS = 5
 # Steps of the search for the law by which an unusual horizon shifts, in such parts of its turn.
 LAW_STEPS, LAW_PARTS = (4, 2, 1), 24
+# Directions around the mean that count, in steps of the estimate of a horizon's level.
+LEVEL_STEPS_DEG = 25.0, 15.0, 10.0, 6.0, 4.0, 4.0
 # How precisely a pitch mark is drawn: on a tilted line, and anywhere within it, lines being a thirtieth of the radius
 # thick.
 MARK_PX, MARK_PART = 0.5, 0.01
@@ -115,6 +117,8 @@ class AttitudePicture:
         The place of `horizon` in that window.
     is_learned
         Whether it was composed from frames; the panel picture shows all that lies over the horizon too.
+    tilted_deg
+        How much further clockwise than drawn the panel picture shows the horizon, where no ring tells.
     """
 
     horizon: Floats
@@ -125,6 +129,7 @@ class AttitudePicture:
     shift_turn: float
     origin: Place = AS_DRAWN
     is_learned: bool = False
+    tilted_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,11 +172,15 @@ class Seen:
 
 @dataclass(frozen=True)
 class Attitudes:
-    """One attitude indicator on its grid, and how it moves: pixels in its own plane, degrees clockwise."""
+    """One attitude indicator on its grid, and how it moves: pixels in its own plane, degrees clockwise.
+
+    `tilted_deg` is as in `AttitudePicture`.
+    """
 
     own: Attitude
     gauge: Gauge
     grid: PolarGrid
+    tilted_deg: float = 0.0
 
     @classmethod
     def of(cls, gauge: Gauge, grid: PolarGrid) -> Attitudes:
@@ -183,6 +192,10 @@ class Attitudes:
     def shifting(self, shift_turn: float) -> Attitudes:
         """Let the direction of its shift turn by `shift_turn` degrees per degree of the ring."""
         return replace(self, own=self.own.model_copy(update={"shift_turn": shift_turn}))
+
+    def moving_as(self, picture: AttitudePicture) -> Attitudes:
+        """Let it move as it was learned to."""
+        return replace(self.shifting(picture.shift_turn), tilted_deg=picture.tilted_deg)
 
     @property
     def is_odd(self) -> bool:
@@ -225,8 +238,13 @@ class Attitudes:
 
     @cached_property
     def upright_deg(self) -> float:
-        """How far the horizon is turned in the panel picture."""
-        return self.own.horizon_turn * self.own.turned_deg(self.gauge)
+        """How far the horizon is turned in its case in the panel picture."""
+        return self.own.horizon_turn * self.own.turned_deg(self.gauge) + self.tilted_deg
+
+    @cached_property
+    def tilt_deg(self) -> float:
+        """How far the horizon is turned in the panel picture, whose camera may be rolled."""
+        return self.own.tilt_deg(self.gauge) + self.tilted_deg
 
     @cached_property
     def a_pixel_deg(self) -> float:
@@ -317,7 +335,7 @@ class AttitudeReader:
     """Reads roll and pitch of one gauge; `picture` is what it looks like, `ring` reads the ring if there is one."""
 
     def __init__(self, own: Attitudes, picture: AttitudePicture, ring: Ring | None) -> None:
-        self._own, self._ring, self._origin = own.shifting(picture.shift_turn), ring, picture.origin
+        self._own, self._ring, self._origin = own.moving_as(picture), ring, picture.origin
         # What a ring was to tell, and did not, the horizon must tell surely.
         self._least_score = SURE_SCORE if ring is None and own.own.ring is not None else SCORE_THRESHOLD
         self._horizon = _HorizonReader(self._own, picture)
@@ -330,7 +348,8 @@ class AttitudeReader:
         """Find the horizon in a gauge whose ring has been read."""
         (strip, turn), turn_part, sight = view, self._own.own.horizon_turn, self.horizon(view)
         if turn is None:
-            ring_deg = (sight.place.turned_deg - self._origin.turned_deg) / turn_part
+            turned_deg = sight.place.turned_deg - self._origin.turned_deg
+            ring_deg = (turned_deg + self._own.tilted_deg) / turn_part
             is_sure = sight.is_sure and sight.score >= self._least_score
             is_sure = is_sure and self._own.is_level_in_sight(self._since_drawn(sight))
             return Seen(ring_deg, sight.sigma_deg / turn_part, sight.score, is_sure, sight)
@@ -338,11 +357,14 @@ class AttitudeReader:
         is_sure = is_sure and not (sight.is_sure and self._horizon.turns_on(strip, sight.place))
         return Seen(self._ring_deg(turn), turn.sigma_rows * self._own.grid.step_deg, turn.score, is_sure, sight)
 
-    def horizon(self, view: _View) -> Sight:
-        """Find only where the horizon lies: whether the ring is to be believed takes another fit."""
+    def horizon(self, view: _View, *, is_upright: bool = False) -> Sight:
+        """Find only where the horizon lies: whether the ring is to be believed takes another fit.
+
+        Without a ring, it may be known to be upright.
+        """
         (strip, turn), own = view, self._own.own
         at_deg = None if turn is None else self._origin.turned_deg + own.horizon_turn * self._ring_deg(turn)
-        return self._horizon.sight(strip, at_deg)
+        return self._horizon.sight(strip, at_deg, is_upright=is_upright)
 
     def _ring_deg(self, turn: Turned) -> float:
         return float(in_turn(np.array(turn.rows * self._own.grid.step_deg), FULL_CIRCLE_DEG, -HALF_TURN_DEG))
@@ -350,12 +372,13 @@ class AttitudeReader:
     def origin_in(self, window: UnwrappedGauge) -> Place | None:
         """Return where the panel picture's window (P, C) shows the horizon, or None where it is not found.
 
-        What was composed began there, so it lies near, even if it matches elsewhere about as well. Only where no ring
-        shows which way is up, it may also have been composed upside down.
+        What was composed began there, so it lies near, even if it matches a mark of its ladder further on about as
+        well. Only where no ring shows which way is up, it may also have been composed upside down.
         """
         sight = self._horizon.sight(window, None if self._ring is None else 0.0)
         is_near = sight.score >= LIKELY_SCORE and self._horizon.is_near(sight.place, AS_DRAWN)
-        return sight.place if sight.is_sure or (is_near and self._ring is not None) else None
+        is_near = is_near and (self._ring is not None or self._horizon.is_worse_upside_down(window, sight))
+        return sight.place if sight.is_sure or is_near else None
 
     def _readings(self, seen: Seen) -> tuple[Reading, Reading]:
         own, sight, first_deg = self._own.own, seen.horizon, self._own.gauge.sweep[0]
@@ -404,10 +427,10 @@ class _HorizonReader:
     def _search(self) -> _Search:
         return _Search(self._own, self._picture.horizon, self._weights)
 
-    def sight(self, strip: UnwrappedGauge, turned_deg: float | None) -> Sight:
+    def sight(self, strip: UnwrappedGauge, turned_deg: float | None, *, is_upright: bool = False) -> Sight:
         """Find the horizon in a gauge (R, C), at its turn from the panel picture where that is known."""
         seen = strip[: self._own.rows, : self._own.window]
-        found = self._search.best(seen, turned_deg)
+        found = self._search.best(seen, turned_deg, is_upright=is_upright)
         if found is None:
             return NOT_SEEN
         place, rival, rival_score = found
@@ -421,7 +444,7 @@ class _HorizonReader:
             other = self._fitted(thinned, rival, self._thinned, is_turn_known=is_turn_known, is_falling=is_falling)
             sight, other = sorted((sight, other), key=lambda each: -each.score)
             rival_score = other.score or rival_score  # it is 0 where nothing could be fitted
-        is_alone = 1.0 - rival_score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
+        is_alone = _is_worse(rival_score, sight)
         if not is_turn_known and sight.place.is_inverted:
             is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
         sight = replace(sight, is_alone=is_alone)
@@ -443,6 +466,13 @@ class _HorizonReader:
         off_deg, off_px = np.sqrt((QUARTERS - 1) * places.var(axis=0)).tolist()
         sigma_deg, sigma_px = math.hypot(sight.sigma_deg, off_deg), math.hypot(sight.sigma_px, off_px)
         return replace(sight, sigma_deg=sigma_deg, sigma_px=sigma_px)
+
+    def is_worse_upside_down(self, strip: UnwrappedGauge, sight: Sight) -> bool:
+        """Whether a horizon found in a gauge (R, C) matches clearly worse with the sky below its line."""
+        seen = strip[: self._own.rows : self._stride, : self._own.window]
+        place = self._own.upside_down(sight.place)
+        other = self._fitted(seen, place, self._thinned, is_turn_known=False, is_falling=False)
+        return _is_worse(other.score, sight)
 
     def is_near(self, place: Place, start: Place) -> bool:
         """Whether two places belong to the same peak of the search."""
@@ -477,7 +507,7 @@ class _HorizonReader:
 
     def _cells(self, place: Place, stride: int) -> Floats:
         """(P', C, 2): the column and row of the picture that every `stride`-th row of the window shows."""
-        back = math.radians(self._own.upright_deg + place.turned_deg)
+        back = math.radians(self._own.tilt_deg + place.turned_deg)
         (cos, sin), (x, y) = (math.cos(back), math.sin(back)), self._centre(place)
         cells = cv2.transform(self._points[::stride], np.array([[cos, sin, x], [-sin, cos, y]]))
         return np.asarray(cells, np.float32)
@@ -534,6 +564,11 @@ class _HorizonReader:
         return sigmas
 
 
+def _is_worse(score: float, sight: Sight) -> bool:
+    """Whether a score leaves clearly more unexplained than a horizon's."""
+    return 1.0 - score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
+
+
 def _patches(shape: tuple[int, ...]) -> NDArray[np.intp]:
     """(N,): the patch of each sample of a window (P, C)."""
     rows, columns = shape
@@ -554,7 +589,7 @@ class _Search:
         self._downs_px, self._step_px = np.linspace(-reach_px, reach_px, SEARCH_SHIFTS, retstep=True)
         self._weights = self._thinned(weights).astype(np.float64)
         self._rows = len(self._weights)
-        angles = np.radians(grid.angle_deg(0) + self._step_deg * np.arange(self._rows) - own.upright_deg)
+        angles = np.radians(grid.angle_deg(0) + self._step_deg * np.arange(self._rows) - own.tilt_deg)
         x, y = _around(angles, grid.radii_px[self._columns])
         # Both are softened to the search's steps, or lines thinner than a step would be missed between two of them.
         step = float(self._step_px) / grid.column_px
@@ -573,15 +608,18 @@ class _Search:
         shifts = abs(place.down_px - start.down_px) / float(self._step_px)
         return turns <= MAX_PEAK_ROWS and shifts <= MAX_PEAK_ROWS
 
-    def best(self, seen: Floats, turned_deg: float | None) -> tuple[Place, Place, float] | None:
+    def best(self, seen: Floats, turned_deg: float | None, *, is_upright: bool) -> tuple[Place, Place, float] | None:
         """Return where the picture matches a window (P, C) best and second best, and how well; None for a blank window.
 
-        With `turned_deg`, only that turn is searched.
+        With `turned_deg`, only that turn is searched; else all, or those nearer to upright than to upside down.
         """
         rows = None if turned_deg is None else round(turned_deg / self._step_deg) % self._rows
         scores = self._scores(self._thinned(seen), rows)
         if scores is None:
             return None
+        if is_upright and turned_deg is None:
+            turns = np.radians(self._step_deg * np.arange(self._rows))
+            scores = np.where(np.cos(turns) >= 0.0, scores, -1.0)
         shift, turn = divmod(int(scores.argmax()), scores.shape[1])
         second = _second_peak(scores, shift, turn)
         places = [self._place(scores, peak, turned_deg) for peak in ((shift, turn), second)]
@@ -657,8 +695,37 @@ def learn_attitude(
     learned, rolls, both = _learned_and_told(own, strips, given, ring)
     if ring is not None and both < HALF * len(strips):
         alone, rolls_alone, both_alone = _learned_and_told(own, strips, replace(given, ring=None), None)
-        return alone if both < HALF * both_alone and rolls < rolls_alone else learned
-    return learned
+        learned = alone if both < HALF * both_alone and rolls < rolls_alone else learned
+    return _levelled(own, strips, learned) if learned.ring is None and learned.is_learned else learned
+
+
+def _levelled(own: Attitudes, strips: Sequence[UnwrappedGauge], learned: AttitudePicture) -> AttitudePicture:
+    """Learn it from frames (R, C) again, tilted by as much as the horizon that was learned lies off its level.
+
+    Without a ring, somebody drew at which angle a pointer stands, or where up is on a horizon that is seen from aside.
+    Its line and its ladder show that themselves.
+    """
+    tilted = replace(own, tilted_deg=own.tilted_deg + off_level_deg(learned))
+    start = replace(first_attitude(tilted, learned.drawn, None), tilted_deg=tilted.tilted_deg)
+    return _learned_and_told(tilted, strips, start, None)[0]
+
+
+def off_level_deg(picture: AttitudePicture) -> float:
+    """Return how far clockwise most lines of a horizon are off the level: the weighted mean direction of its edges.
+
+    Edges count by the square of their slope, and ever fewer directions around the mean: numerals, lines that run
+    together on the ground, and a scale of bank are left out.
+    """
+    soft = _softened(picture.horizon, 1.0, 1.0)
+    across, down = (cv2.Sobel(soft, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
+    is_known = cv2.erode(picture.known, np.ones((5, 5), np.uint8)) > 0
+    tilts_deg = -np.degrees(np.arctan2(across * np.sign(down), np.abs(down)))[is_known]
+    strengths = np.square(across)[is_known] + np.square(down)[is_known]
+    off_deg = 0.0
+    for within_deg in LEVEL_STEPS_DEG:
+        counts = strengths * (np.abs(tilts_deg - off_deg) < within_deg)
+        off_deg = float(counts @ tilts_deg / max(float(counts.sum()), 1.0))
+    return off_deg
 
 
 def _learned_and_told(
@@ -730,7 +797,8 @@ def _put_together(
     known = given
     for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
-        sights = [(frame[0], reader.horizon(frame)) for frame in frames]
+        # Until it is known what stands still over it, a horizon matches upside down as well as upright.
+        sights = [(frame[0], reader.horizon(frame, is_upright=False)) for frame in frames]
         in_sight = [
             (strip, sight)
             for strip, sight in sights
@@ -760,7 +828,7 @@ def _moved_back(own: Attitudes, weights: Floats, strip: UnwrappedGauge, sight: S
     y, x = np.mgrid[:height, :width].astype(np.float32)
     x = (x - (width - 1) / 2) * grid.column_px + own.aside_px(sight.place)
     y = (y - (height - 1) / 2) * grid.column_px + sight.place.down_px
-    turned = np.degrees(np.arctan2(y, x)) + own.upright_deg + sight.place.turned_deg
+    turned = np.degrees(np.arctan2(y, x)) + own.tilt_deg + sight.place.turned_deg
     row = in_turn((turned - grid.angle_deg(0)) / grid.step_deg, rows)
     column = (np.hypot(x, y) - grid.inner_px) / grid.column_px
     seen = np.where(weights > HALF, own.in_even_light(strip, sight), np.nan)
