@@ -128,11 +128,13 @@ class Attitude(Plain, Strict):
         return float((level_deg - self.index + HALF_TURN_DEG) % FULL_CIRCLE_DEG - HALF_TURN_DEG)
 
     def tilt_deg(self, dial: Dial) -> float:
-        """Return how far the horizon is turned clockwise in the panel picture, whose camera may be rolled.
+        """Return how far the horizon is turned clockwise in the panel picture, whose camera may be rolled."""
+        return self._camera_roll_deg + self.horizon_turn * self.turned_deg(dial)
 
-        Its index is at the top of its case, at a side or at the bottom; what is left of its angle is the camera's roll.
-        """
-        return math.remainder(self.index, QUARTER_TURN_DEG) + self.horizon_turn * self.turned_deg(dial)
+    @property
+    def _camera_roll_deg(self) -> float:
+        """How far its case is turned clockwise: its index is at the top of it, at a side or at the bottom."""
+        return math.remainder(self.index, QUARTER_TURN_DEG)
 
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index of bank."""
@@ -151,7 +153,7 @@ class Attitude(Plain, Strict):
         if abs(down_px) >= self.window:
             return {}
         half_deg = math.degrees(math.acos(down_px / self.window))
-        below_deg = DOWN_DEG + self.horizon_turn * ring_deg
+        below_deg = DOWN_DEG + self._camera_roll_deg + self.horizon_turn * ring_deg
         return {self.pitch: ((below_deg + half_deg, self.window), (below_deg - half_deg, self.window))}
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:

@@ -453,6 +453,17 @@ def test_the_horizon_is_drawn_where_it_is(
         assert gauge.lines({"roll_deg": roll, "pitch_deg": pitch}) == {}
 
 
+def test_the_horizon_is_drawn_where_it_is_in_a_rolled_picture() -> None:
+    """Level flight is a line as far off the picture's level as the index is off straight up."""
+    turned = described(ring=True)
+    turned["scale"] = [[angle_deg + ROLLED_DEG, bank] for angle_deg, bank in turned["scale"]]
+    turned["attitude"] |= {"index": 270.0 + ROLLED_DEG}
+
+    line = Gauge.model_validate({"centre": CENTRE, **turned}).lines({"roll_deg": 0.0, "pitch_deg": 0.0})["pitch_deg"]
+
+    assert [deg % 360 for deg, _ in line] == pytest.approx([180.0 + ROLLED_DEG, ROLLED_DEG])
+
+
 def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
     """Radii and ladder grow with the dial, and the ladder shifts by the pitch that is read there."""
     gauge = {**described(ring=True), "radius": [8.0, 2 * RIM_PX]}
