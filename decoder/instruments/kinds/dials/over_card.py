@@ -599,7 +599,9 @@ def _bared(
         templates[needle.name] = layer_over(rows_at(picture, axis_rows), there, cut.step_deg)
     bared = replace(given, face=face, templates=templates, best_status=best_status)
     bare = [np.where(is_shown, back, face) for back, is_shown in zip(backs, shown, strict=True)]
-    return bared, [_found_apart(dial, bared, _view(dial, bared, *each)) for each in zip(bare, turns_rows, strict=True)]
+    usual = np.median([np.abs(back - face) for back in bare], axis=0)
+    seen = [_view(dial, bared, *each) for each in zip(bare, turns_rows, strict=True)]
+    return bared, [_found_apart(dial, bared, view, usual) for view in seen]
 
 
 def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tuple[float, float]:
@@ -610,26 +612,30 @@ def _blurs_px(dial: _Dial, drawn: UnwrappedGauge, usual: UnwrappedGauge) -> tupl
     return ways[int(np.argmin(left))]
 
 
-def _found_apart(dial: _Dial, known: OverCardPicture, view: View) -> dict[str, Reading]:
+def _found_apart(dial: _Dial, known: OverCardPicture, view: View, usual: UnwrappedGauge) -> dict[str, Reading]:
     """Find needles rather than marks: where a gauge differs from the bare card as the panel picture does.
 
-    One picture does not show how a needle looks over other marks, only how it changes the card behind it.
+    One picture does not show how a needle looks over other marks, only how it changes the card behind it. By how
+    much frames usually differ (R, C) does not count: their marks were not turned back quite to where the card has them.
     """
     grid, found = dial.grid, {}
-    left = np.abs(view.seen - known.face)
+    left = _beyond(np.abs(view.seen - known.face), usual)
     for needle in dial.gauge.turning:
         if needle.name in known.best_status or needle.at_deg is None:
             continue
         cut = known.templates[needle.name]
         axis = (cut.rows - 1) // 2
         there = np.abs(cut.pixels - face_behind(known.face, grid, needle.at_deg, cut.rows))
+        there = _beyond(there, face_behind(usual, grid, needle.at_deg, cut.rows))
         scores = normxcorr(left, there, np.ones_like(there))[: dial.rows]
         best = int(scores.argmax())
         rivals = np.roll(scores, -best)
         if grid.tail_columns:  # which end is the tip is decided below
             rivals[(dial.rows - cut.rows) // 2 : (dial.rows + cut.rows) // 2] = 0.0
         rival = rivals[cut.rows : -cut.rows].max(initial=0.0)
-        is_sure = scores[best] >= LIKELY_SCORE and CLEARLY_WORSE * rival**2 < scores[best] ** 2
+        # Changes over other marks are alike only in part. Half as clear as elsewhere is enough to begin learning with.
+        is_clear = (1.0 - rival**2) ** 2 > CLEARLY_WORSE * (1.0 - min(scores[best], 1.0) ** 2) ** 2
+        is_sure = scores[best] >= LIKELY_SCORE and is_clear
         status = Status.READ if is_sure else Status.MISSING
         reading = Reading(status, grid.angle_deg(best + axis), grid.step_deg, float(scores[best]))
         # Which end is the tip will be clear once it is learned from all frames.
@@ -637,6 +643,11 @@ def _found_apart(dial: _Dial, known: OverCardPicture, view: View) -> dict[str, R
             reading = replace(reading, angle_deg=dial.opposite_deg(reading.angle_deg))
         found[needle.name] = reading
     return found
+
+
+def _beyond(left: Floats, usual: Floats) -> Floats:
+    """(R, C): by how much more than usual a gauge differs, averaged over neighbours."""
+    return np.asarray(cv2.blur(np.maximum(left - usual, 0.0), (3, 3)), np.float32)
 
 
 class _OverCards:
