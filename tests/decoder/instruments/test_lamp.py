@@ -292,6 +292,25 @@ def test_a_white_lamp_in_glare_is_not_lit() -> None:
     assert all(own.status is Status.MISSING or own.angle_deg == 0.0 for own in off)
 
 
+def test_a_lit_lamp_that_a_shorter_exposure_dims_is_not_off() -> None:
+    """A lamp that was lit in the panel picture is not off where a shorter exposure dims it along with the panel."""
+
+    def bulb(light: float, exposure: float = 1.0, seed: int = 0) -> Floats:
+        frame = np.full((GRID.rows, GRID.columns), 60.0)
+        frame[[0, 2, 4, -1, -3, -5]] = 90.0
+        frame[GRID.within] += light
+        return (exposure * frame + np.random.default_rng(seed).normal(0.0, 2.0, frame.shape)).astype(np.float32)
+
+    lamp, lit = Lamp(name="low_fuel_on", lit=True), [0.9, 0.9, 0.6, 0.5, 0.4, 0.4, 0.4]
+    shots = [*((80.0, exposure) for exposure in lit), *((0.0, exposure) for exposure in np.linspace(0.3, 1.0, 9))]
+    frames = [bulb(*shot, seed) for seed, shot in enumerate(shots, 1)]
+    taught = learn_lamp(lamp, GRID, frames, first_lamp(lamp, GRID, bulb(80.0)))
+    states = [own["low_fuel_on"] for own in read(taught, *frames, lamp=lamp)]
+
+    assert all(own.status is Status.MISSING or own.angle_deg == 1.0 for own in states[: len(lit)])
+    assert [(own.status, own.angle_deg) for own in states[len(lit) :]] == [(Status.READ, 0.0)] * 9
+
+
 @pytest.mark.parametrize("lit", [False, True])
 def test_a_card_over_it_for_a_while_costs_no_other_frame(*, lit: bool) -> None:
     """Frames in which it is covered are missing, and all others are read, in either state."""

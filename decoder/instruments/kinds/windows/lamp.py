@@ -138,6 +138,16 @@ class LampPicture:
         nearly = [(1 - HALF * HALF) * other.least * _grown(added, other.power) for other in self.others]
         return np.min(halves, axis=0), np.max([*halves, *nearly], axis=0)
 
+    def is_only_dimmed(self, added: Added) -> Mask:
+        """(F,): whether the panel picture's lit lamp would show about as little light if the exposure dimmed it.
+
+        A shorter exposure dims a lamp along with the panel; one that is off differs from that by as much as it shines.
+        """
+        dimmed = (added.levels() * self.weights * added.is_clear(0.0)).sum(axis=(1, 2))
+        shines = max((other.away for other in self.others), default=self.shining)
+        is_only_dimmed: Mask = -dimmed < HALF * shines * np.minimum(added.gain, 1.0)
+        return is_only_dimmed & (self.shining > 0)
+
     def scores(self, added: Added) -> Floats:
         """(F,): how well the surroundings match the panel picture in the fitted light."""
         shown = added.shown + NOISE_LEVELS**2
@@ -508,6 +518,7 @@ class LampReader:
         added = added_light(self._grid, picture.drawn, strips, picture.steady)
         scores = np.where(_is_beyond(self._lamp, picture, added, -1), 0.0, picture.scores(added))
         told, (least, most) = picture.told(added), picture.between(added)
+        most = np.where(picture.is_only_dimmed(added), np.inf, most)
         # Words or colours may change in a window that is as bright as before.
         scores = np.where(np.abs(told) <= HALF * least, np.minimum(scores, picture.alike(added)), scores)
         sigmas = zip(picture.sigmas(added).tolist(), picture.sigmas_alike(added).tolist(), strict=True)
