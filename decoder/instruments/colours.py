@@ -5,8 +5,9 @@ component that is normally decoded, then does not show it, but red alone does. A
 mixed before they are resampled, so all code that learns and reads gets one grey picture in either case.
 
 JPEG and video have one colour sample for each two by two pixels. A mixture must separate what moves twice as clearly as
-luma to be better wherever it is read. A window is read in one colour alone, to which anything that shines adds light;
-a bar in the brightest or darkest of all colours, since it may have several.
+luma to be better wherever it is read; where luma reads nothing, a little more clearly is enough. A window is read in
+one colour alone, to which anything that shines adds light; a bar in the brightest or darkest of all colours, since it
+may have several.
 """
 
 from __future__ import annotations
@@ -149,9 +150,15 @@ def _in_light(grid: Grid, own: Floats, seen: Sequence[Floats]) -> list[Floats]:
 
 
 def best_mixture(
-    grid: Grid, drawn: Floats, seen: Sequence[Floats], needles: Sequence[Mask], choice: Sequence[Mixture]
+    grid: Grid,
+    drawn: Floats,
+    seen: Sequence[Floats],
+    needles: Sequence[Mask],
+    choice: Sequence[Mixture],
+    *,
+    times: float = CLEARLY_WORSE,
 ) -> Mixture | None:
-    """Choose the mixture that separates what moves clearly better than luma; None if there is none.
+    """Choose the mixture that separates what moves so many times as clearly as luma; None if there is none.
 
     Parameters
     ----------
@@ -172,11 +179,11 @@ def best_mixture(
     count = len(needles) or 1
     for part in (slice(0, count), slice(count, len(luma))):
         dimmest = part.start + int(np.argmin(luma[part])) if luma[part] else 0
-        least = max(luma[dimmest], CLEARLY_WORSE)
+        least = luma[dimmest]
         better = [
             each
             for each, clear in told.items()
-            if clear[dimmest] > CLEARLY_WORSE * least and min(clear[:count] + clear[part]) > least
+            if clear[dimmest] > max(times * least, CLEARLY_WORSE) and min(clear[:count] + clear[part]) > least
         ]
         if better:
             least_clear = {each: min(told[each][:count] + told[each][part]) for each in better}

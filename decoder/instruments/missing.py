@@ -15,6 +15,11 @@ def is_lost(gauge: Gauge, found: Sequence[Readings]) -> bool:
     return missing_part(gauge, found) > HALF
 
 
+def is_unread(gauge: Gauge, found: Sequence[Readings]) -> bool:
+    """Whether every value of a gauge is missing in every frame."""
+    return min(_missing_parts(gauge, found), default=0.0) == 1.0
+
+
 def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
     """Return the part of frames in which a gauge's value is missing; of several, the one missing most often."""
     return max(_missing_parts(gauge, found), default=0.0)

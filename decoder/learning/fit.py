@@ -22,7 +22,7 @@ from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.kind_table import kind_of
-from decoder.instruments.missing import finds_more, is_lost, missing_part
+from decoder.instruments.missing import finds_more, is_lost, is_unread, missing_part
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, unwrapped
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import FRAMES_TO_LEARN
@@ -315,8 +315,9 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     placed = as_sharp_as_frames(placed, samples)
     begun, last = _begun(placed, samples, sample, tell)
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
-    coloured = in_best_colours(placed, lost, sample)
     before = last.found
+    unread = frozenset(index for index in lost if is_unread(gauges[index], before))
+    coloured = in_best_colours(placed, lost, unread, sample)
     # A quarter is enough: more may be missing because something else lies over the dial.
     wanted = [
         known is None and missing_part(gauge, before) > HALF * HALF

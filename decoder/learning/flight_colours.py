@@ -5,7 +5,7 @@ A flight that is all read in luma never decodes its colours, so they cost nothin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from operator import itemgetter
 
@@ -35,7 +35,9 @@ from decoder.registration.frame_placer import UnwrappedPanel
 Frame = GreyPicture | FramePicture | TopOfFrame
 
 
-def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[int], Iterable[Frame]]) -> PanelReader:
+def in_best_colours(
+    reader: PanelReader, lost: Sequence[int], unread: Collection[int], sample: Callable[[int], Iterable[Frame]]
+) -> PanelReader:
     """Read gauges in the mixture of colours that best shows what moves; return the same reader if nothing changes.
 
     Parameters
@@ -44,6 +46,8 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
         The gauges that may not be visible as they are read now. The others keep their mixture, except windows in which
         luma shows no change at all, and lamps: sun on one that turns from green to red is a change, but one that is as
         bright in either would be read confidently, as never lit.
+    unread
+        Those of them that are read in no frame: there is nothing to lose by any colour that is clearer than luma.
     sample
         Returns frames of the flight. A few show what turns; windows need more, as a lamp is lit in some frames only.
     """
@@ -64,7 +68,8 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     mixtures = list(before)
     for place, index in enumerate(coloured):
         gauge, grid, frames = gauges[index], grids[index], [own[place] for own in seen]
-        best = _best_mixture(Placed(index, gauge, grid), drawn[index], frames, is_lost=index in lost)
+        times = 1.0 if index in unread else CLEARLY_WORSE
+        best = _best_mixture(Placed(index, gauge, grid), drawn[index], frames, is_lost=index in lost, times=times)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
         return reader
@@ -74,8 +79,12 @@ def in_best_colours(reader: PanelReader, lost: Sequence[int], sample: Callable[[
     return PanelReader.of(panel.source, reader.method, look, reader.placement, panel)
 
 
-def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is_lost: bool) -> Mixed | None:
+def _best_mixture(
+    placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is_lost: bool, times: float
+) -> Mixed | None:
     """Choose the grey in which a gauge is read best, given as for `mixtures_for`; None if that is luma.
+
+    A mixture has to be so many `times` as clear as luma.
 
     A kind that tells how much a grey leaves unexplained is read in an extreme of all colours, unless luma explains
     clearly more. Luma, or one colour, might hide a part of a bar that has another colour, such as its red, and shows in
@@ -95,7 +104,8 @@ def _best_mixture(placed: Placed, drawn: Floats, frames: Sequence[Floats], *, is
             return min(better, key=itemgetter(0), default=(0.0, None))[1]
     if not is_lost:
         return None
-    return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), mixtures_for(gauge, grid, drawn, frames))
+    choice = mixtures_for(gauge, grid, drawn, frames)
+    return best_mixture(grid, drawn, frames, needle_rows(gauge, grid), choice, times=times)
 
 
 def _panels_colours(reader: PanelReader, indices: Sequence[int]) -> list[Floats]:

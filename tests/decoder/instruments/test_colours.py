@@ -25,6 +25,7 @@ from decoder.panel.vocabulary import Method
 from decoder.setup.drafts import problems_of
 from flight_file.reader import spread
 from tests.decoder.instruments.dials import CENTRE, SCALE, WIDTH_PX, Canvas, Hand, apart, finished
+from tests.decoder.instruments.displays import Drawn
 
 Colour = tuple[float, float, float]
 TEAL: Colour = (20.0, 90.0, 95.0)
@@ -504,6 +505,26 @@ def test_of_colours_as_clear_the_one_without_reflections_is_chosen() -> None:
     assert best_mixture(grid, shown(AT_DEG), frames, needles, [against_blue, against_green]) == against_green
 
 
+def test_a_bug_that_is_as_bright_as_the_print_it_covers_is_read_in_its_colour() -> None:
+    """In luma, frames without it look as if it had stayed on its mark; blue shows it, a little above noise."""
+    gauge = panel_of(draw(AT_DEG, RED, TEAL, 0), GAUGES[:1])
+    grid, rng = gauge.grid(0), np.random.default_rng(3)
+    home, wide = round(row_of_angle(grid, AT_DEG)), np.arange(-5, 6)
+
+    def shown(row: int | None) -> np.ndarray:
+        strip = np.full((grid.rows, grid.columns, 3), 150.0, np.float32)
+        for mark in range(3):
+            strip[home + 40 * mark + wide, -16:] = 60.0
+        if row is not None:
+            strip[row + wide, -16:] = (50.0, 60.0, 90.0)
+        return (strip + rng.normal(0.0, 2.0, strip.shape)).astype(np.float32)
+
+    needles = needle_rows(gauge.panel.gauges[0], grid)
+    frames = [shown(None if number % 5 < 3 else home + 40 * (number // 3 % 3)) for number in range(16)]
+
+    assert best_mixture(grid, shown(home), frames, needles, [Mixture(0, 0, 1), Mixture(0, 1, 0)]) == Mixture(0, 0, 1)
+
+
 def test_needle_behind_which_digits_change_is_read_in_the_colour_that_shows_it_alone() -> None:
     """In luma white digits change by more than the dim red needle does, and it is not found again among them."""
     gauge = panel_of(draw(AT_DEG, RED, TEAL, 0), GAUGES[:1])
@@ -523,6 +544,39 @@ def test_needle_behind_which_digits_change_is_read_in_the_colour_that_shows_it_a
 
     red, against_green = Mixture(1, 0, 0), Mixture(1, -1, 0)
     assert best_mixture(grid, shown(AT_DEG), frames, needles, [red, against_green]) == against_green
+
+
+SQUAWK = Drawn(pattern="0000", width=11.0, height=22.0, pitch=18.0, stroke=3.0, slant=0.05)
+DIM: Colour = (68.0, 68.0, 68.0)  # segments that are not lit
+AMBER: Colour = (255.0, 100.0, 50.0)  # 141 levels of luma
+
+
+def squawk(text: str, seed: int) -> bytes:
+    """A JPEG of a display of amber digits on black, all of whose segments show in daylight."""
+
+    def plane(place: int) -> np.ndarray:
+        canvas, every, lit = Canvas(), SQUAWK.picture("8888"), SQUAWK.picture(text)
+        shown = 5.0 + (DIM[place] - 5.0) * every + (AMBER[place] - DIM[place]) * lit
+        fine = np.rint(shown).astype(np.uint8).repeat(SCALE, axis=0).repeat(SCALE, axis=1)
+        top, left = 60 * SCALE, 100 * SCALE
+        canvas.picture[top : top + len(fine), left : left + fine.shape[1]] = fine
+        return finished(canvas, noise=2.0, blur=0.7, quality=98, seed=3 * seed + place)
+
+    return jpeg_of(plane)
+
+
+def test_a_display_that_luma_does_not_read_is_read_in_the_colour_in_which_it_is_clearer() -> None:
+    """Its unlit segments are half as bright as its lit ones in luma, and in red the latter are not twice as clear."""
+    texts = [f"{number * 1237 % 10000:04d}" for number in range(1, 25)]
+    jpegs = [squawk(text, seed) for seed, text in enumerate(texts, start=1)]
+    window = [[110.0, 66.0], [178.0, 66.0], [178.0, 92.0], [110.0, 92.0]]
+    gauge = {"name": "xpdr", "window": window, "digits": {"name": "code", "pattern": "0000", "shows": "1234"}}
+    read = [each.readings["code"] for each in read_of(fitted_of([gauge], squawk("1234", 0), jpegs), jpegs)]
+
+    assert [own.angle_deg for own in read if own.status is Status.READ] == [
+        float(text) for own, text in zip(read, texts, strict=True) if own.status is Status.READ
+    ]
+    assert sum(own.status is Status.READ for own in read) > len(read) / 2
 
 
 NIGHT: Colour = (8.0, 8.0, 8.0)
