@@ -134,7 +134,8 @@ class Scale:
         changes at one mark only, that is taken as a kink between two straight parts; if it changes to and fro, as
         errors of drawing. A scale that grows both ways from a mark, such as a vertical speed's, is assumed to continue
         as it does further out. How a curve continues beyond the outermost marks is unknown; it is followed for as far
-        again as these are from the next.
+        again as these are from the next. Values may go on there at any pace that the scale has between its marks: an
+        airspeed indicator's are crowded below its first.
         """
         if len(self.values) <= 3:  # noqa: PLR2004 - one change
             return np.zeros_like(angles_deg)
@@ -148,7 +149,9 @@ class Scale:
         grown = (bent * steps_deg)[part]
         way = np.clip((angles_deg - self.angles_deg[part]) / steps_deg[part], -1.0, 2.0)
         curved = np.divide(np.expm1(grown * way), np.expm1(grown), out=way.copy(), where=grown != 0.0)
-        bends: Floats = np.abs(curved - way) * steps_deg[part]
+        beyond_deg = np.maximum(self.angles_deg[0] - angles_deg, angles_deg - self.angles_deg[-1])
+        paces = np.abs(self._slopes[:, None] / self._slopes[part] - 1.0).max(axis=0)
+        bends: Floats = np.maximum(np.abs(curved - way) * steps_deg[part], paces * beyond_deg)
         return bends
 
     def bowed_deg(self, angles_deg: Floats, bow_per_deg: float) -> Floats:

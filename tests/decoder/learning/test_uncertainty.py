@@ -429,6 +429,24 @@ def test_a_scale_that_is_a_curve_is_doubted_between_its_marks() -> None:
     assert sure == pytest.approx(0.1)
 
 
+def test_an_uneven_scale_is_doubted_beyond_its_marks_by_its_own_paces() -> None:
+    """An airspeed indicator without a mark below 40 kt, where its values are crowded; an even scale just goes on."""
+    angles_deg = np.array([31.1, 71.7, 118.0, 165.3, 206.6, 238.3, 267.7, 293.1, 319.2])
+    airspeed = Scale(angles_deg, np.arange(40.0, 201.0, 20.0))
+    even = Scale(angles_deg, angles_deg)
+    below_deg = np.array([10.0, 20.0, 25.0])
+    below = np.interp(below_deg, [3.0, 31.1], [10.0, 40.0])
+    doubted, sure = (
+        _drawn_sigma_deg(QuantityUncertainty(0.0, 0.0, 0.0, 50.0, KNOWN, (0.0, 0.0), 50.0, 50.0, scale), below_deg)
+        for scale in (airspeed, even)
+    )
+    sigma = doubted * np.abs(airspeed.slopes_at(below_deg))
+
+    assert (np.abs(airspeed.values_at(below_deg) - below) <= 2.0 * sigma).all()
+    assert (sigma[:2] > 0.01 * 160.0).all()  # so that they are not `read`
+    assert sure == pytest.approx(0.0)
+
+
 def test_a_scale_that_grows_both_ways_from_its_middle_is_doubted_beside_it() -> None:
     """As a vertical speed's: its slope hardly changes at 0, but on both sides of it."""
     marks_deg = np.array([-170.0, -127.0, -89.0, -59.0, 0.0, 57.0, 90.0, 128.0, 171.0])
