@@ -4,6 +4,9 @@ The aligner searches for the panel at about the panel picture's scale. Frames of
 elsewhere, or that zoomed without saying so, are instead matched with the panel picture as a whole, by features that are
 invariant to scale and roll (SIFT, Lowe 2004) and the perspective that most of them agree on. It is done for a few
 frames of a flight, and for those that would otherwise be lost; the aligner then starts from the result.
+
+Where the edges of shadows lie over the anchors, these pull in different directions, but most features of the whole
+picture lie beside such edges: the result then stands as it is, if it is surer.
 """
 
 from __future__ import annotations
