@@ -225,6 +225,8 @@ def test_a_bank_that_was_drawn_wrong_without_a_ring_is_told_by_the_horizon_itsel
 
     for seed, (roll_deg, pitch_deg) in enumerate([(45.0, 6.0), (-45.0, -8.0), (80.0, 3.0), (5.0, 14.0)]):
         assert_read(reader, draw(roll_deg, pitch_deg, 40 + seed, ring=False), roll_deg, pitch_deg, 0.5)
+    (told,) = AttitudeKind().findings(reader.source.panel.gauges[0], reader.appearance)
+    assert float(told.split()[9]) == pytest.approx(abs(off_deg), abs=0.2)
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["ring", "no ring"])

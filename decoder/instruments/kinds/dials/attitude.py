@@ -71,6 +71,7 @@ ROUNDS = 5
 LAW_STEPS, LAW_PARTS = (4, 2, 1), 24
 # Directions around the mean that count, in steps of the estimate of a horizon's level.
 LEVEL_STEPS_DEG = 25.0, 15.0, 10.0, 6.0, 4.0, 4.0
+LEVEL_ROUNDS = 2
 # How precisely a pitch mark is drawn: on a tilted line, and anywhere within it, lines being a thirtieth of the radius
 # thick.
 MARK_PX, MARK_PART = 0.5, 0.01
@@ -703,11 +704,16 @@ def _levelled(own: Attitudes, strips: Sequence[UnwrappedGauge], learned: Attitud
     """Learn it from frames (R, C) again, tilted by as much as the horizon that was learned lies off its level.
 
     Without a ring, somebody drew at which angle a pointer stands, or where up is on a horizon that is seen from aside.
-    Its line and its ladder show that themselves.
+    Its line and its ladder show that themselves: clearly, once it is shifted back along its own upright.
     """
-    tilted = replace(own, tilted_deg=own.tilted_deg + off_level_deg(learned))
-    start = replace(first_attitude(tilted, learned.drawn, None), tilted_deg=tilted.tilted_deg)
-    return _learned_and_told(tilted, strips, start, None)[0]
+    for _ in range(LEVEL_ROUNDS):
+        own = replace(own, tilted_deg=own.tilted_deg + off_level_deg(learned))
+        start = replace(first_attitude(own, learned.drawn, None), tilted_deg=own.tilted_deg)
+        again, _, _ = _learned_and_told(own, strips, start, None)
+        if not again.is_learned:
+            break
+        learned = again
+    return learned
 
 
 def off_level_deg(picture: AttitudePicture) -> float:
@@ -945,11 +951,18 @@ class AttitudeKind(Still):
         return UNKNOWN if ring is None else ring.pivot([strip[:, own.ring] for strip, _, _ in frames])
 
     def findings(self, gauge: Gauge, appearance: Appearance) -> Sequence[str]:
-        if gauge.attitude is None or gauge.attitude.ring is None:
+        if gauge.attitude is None:
             return ()
         picture: AttitudePicture = appearance.pictures[gauge.attitude.roll]
-        lost = (
-            "bank is read from its horizon alone, since what moves where its ring is drawn does not turn with it, or is"
-            " hardly ever read: does its `ring` begin where nothing but its marks turns?"
-        )
-        return () if picture.ring is not None else (lost,)
+        found = []
+        if gauge.attitude.ring is not None and picture.ring is None:
+            found.append(
+                "bank is read from its horizon alone, since what moves where its ring is drawn does not turn with it,"
+                " or is hardly ever read: does its `ring` begin where nothing but its marks turns?"
+            )
+        if not np.isclose(picture.tilted_deg, 0.0, atol=SEARCH_STEP_DEG):
+            found.append(
+                f"bank is read from where its horizon is level, {abs(picture.tilted_deg):.1f} degrees from where it is"
+                " drawn: draw the angle of its pointer with `decode setup`"
+            )
+        return tuple(found)
