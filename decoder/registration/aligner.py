@@ -6,12 +6,10 @@ rolled, or nearer or further than that search covers, is first located by SIFT f
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 
@@ -25,18 +23,10 @@ from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
 from decoder.registration.anchors import NOTHING_THERE, findable
 from decoder.registration.features import level_feature
-from decoder.registration.frame_search import AlignmentRefiner, FrameSearch, failing
+from decoder.registration.frame_search import AlignmentRefiner, FrameSearch
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.sift_localizer import SiftLocalizer
-from decoder.registration.thresholds import (
-    CONSISTENT_PX,
-    FEW_FAILED,
-    KEPT,
-    MAX_SIGMA_PX,
-    MOST_ANCHORED,
-    NOISE_LEVELS,
-    SCORE_THRESHOLD,
-)
+from decoder.registration.thresholds import CONSISTENT_PX, FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS
 
 
 class Aligner:
@@ -121,38 +111,17 @@ class Aligner:
         return self._searched(self._seen_in(frame, focal_length_mm), frame)
 
     def _searched(self, seen: SeenPanel, frame: GreyPicture) -> Alignment:
-        """Search around the panel's usual place, and if it is not there, around where SIFT puts it.
-
-        If its anchors leave in doubt where it is, as under shadows, it is where SIFT puts it, if that is surer.
-        """
+        """Search around the panel's usual place, and if it is not there, around where SIFT puts it."""
         try:
-            found = FrameSearch(seen, frame).alignment()
+            return FrameSearch(seen, frame).alignment()
         except AlignmentLost as lost:
             motion = self.localizer.find(frame)
             if motion is None:
                 raise
             try:
-                found = FrameSearch(seen.at(motion), frame).alignment()
+                return FrameSearch(seen.at(motion), frame).alignment()
             except AlignmentLost:
                 raise lost from None
-        is_whole = found.covariance is not None and found.covariance.model >= seen.model(seen.features)
-        if (is_whole or self.agrees(found)) and _doubt_px(seen, found) <= MAX_SIGMA_PX:
-            return found
-        sighted = self._sighted(seen, frame)
-        if sighted is None or (is_whole and _doubt_px(seen, found) <= _doubt_px(seen, sighted)):
-            return found
-        return sighted
-
-    def _sighted(self, seen: SeenPanel, frame: GreyPicture) -> Alignment | None:
-        """Find the panel in a frame by SIFT alone; None if that is not sure, or no anchor at all matches there."""
-        if seen.start.lens is not None and seen.start.lens.distorts:
-            return None  # its features are matched as they appear
-        found = self.localizer.alignment(frame)
-        if found is None or _doubt_px(seen, found) > CONSISTENT_PX:
-            return None
-        scores = AlignmentRefiner(seen, frame).scores(found.after(np.linalg.inv(seen.usual)))
-        is_there = max(scores.values()) >= SCORE_THRESHOLD
-        return replace(found, failed=failing(scores)) if is_there else None
 
     @property
     def tells_perspective(self) -> bool:
@@ -221,11 +190,9 @@ class Aligner:
         AlignmentLost, PictureError
             As `align`.
         """
-        seen = self._seen_in(frame, focal_length_mm)
-        rough = FrameSearch(seen, frame).rough_alignment()
-        if rough is not None and self.agrees(rough):
-            return rough
-        return self._sighted(seen, frame) or rough or self.align(frame, focal_length_mm)
+        search = FrameSearch(self._seen_in(frame, focal_length_mm), frame)
+        rough = search.rough_alignment()
+        return self.align(frame, focal_length_mm) if rough is None else rough
 
     def agrees(self, alignment: Alignment) -> bool:
         """Whether most anchors match where an alignment puts them, which means that they lie in a plane."""
@@ -239,8 +206,3 @@ def _check_level(level: tuple[tuple[float, float], tuple[float, float]], picture
         raise PanelError("level", f"lies outside the {width} x {height} panel picture")
     if float(level_feature(picture, level).pixels.std()) < NOISE_LEVELS / 4:
         raise PanelError("level", "lies on no visible edge of the panel picture")
-
-
-def _doubt_px(seen: SeenPanel, found: Alignment) -> float:
-    """Return how uncertain the worst gauge's place is, in frames' pixels."""
-    return math.inf if found.covariance is None else float(found.covariance.sigma_px(seen.gauges).max())

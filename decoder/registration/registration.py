@@ -28,7 +28,6 @@ from decoder.registration.thresholds import (
     MIN_GUESS_SCORE,
     MIN_SPREAD_LEVELS,
     SETTLED_PX,
-    SIGNIFICANT_SIGMAS,
 )
 
 MIDDLE_GREY = 128.0  # keeps the sums of squares small enough for float32
@@ -243,7 +242,7 @@ class Registration:
             if not running.numbers.size:
                 break
             levels = self._levels(running) if iteration else _first_levels(running.looks)
-            step, scores, pulls = self._steps(levels)
+            step, scores = self._steps(levels)
             if iteration >= FULL_STEPS:  # full steps may alternate between two places forever
                 step *= 0.5
             reach_px = np.hypot(step[:, 0], step[:, 1]) + np.abs(step[:, 2:]).sum(axis=1)
@@ -256,8 +255,7 @@ class Registration:
             done = ~lost & ((left_px < SETTLED_PX) | ((iteration == iterations - 1) & (reach_px < 10 * SETTLED_PX)))
             if done.any():
                 ended = running.only(done)
-                registered = self._registered(ended, scores[done], pulls[done])
-                for number, one in zip(ended.numbers.tolist(), registered, strict=True):
+                for number, one in zip(ended.numbers.tolist(), self._registered(ended, scores[done]), strict=True):
                     found[number] = one
             running = self._with_room(running.only(~done & ~lost))
         return found
@@ -310,31 +308,28 @@ class Registration:
                         put_levels(levels[row], patch.pixels, at.reshape(points.folded.shape))
             yield levels.reshape(len(own), -1)
 
-    def _steps(self, levels: Iterable[Floats]) -> tuple[Floats, Floats, Floats]:
-        """Return for F frames the steps towards the features, (F, parameters), and what each feature makes of them.
+    def _steps(self, levels: Iterable[Floats]) -> tuple[Floats, Floats]:
+        """Return for F frames the steps towards the features, (F, parameters), and their scores, (F, features).
 
-        That is its score, (F, features), and how it pulls at the panel along x and y, (F, features, 2). `levels` holds
-        for each feature its pixels in the frames, (F, N) float32 or a few more columns. A feature that is flat or
-        inverted in a frame scores 0 there and is left out of the step.
+        `levels` holds for each feature its pixels in the frames, (F, N) float32 or a few more columns. A feature that
+        is flat or inverted in a frame scores 0 there and is left out of the step.
         """
         both = [solver.seen_in_each(own) for solver, own in zip(self._solvers, levels, strict=True)]
         frames = len(both[0][1])
         right, scores = np.zeros((frames, len(self._inverse))), np.zeros((frames, len(both)))
-        pulls = np.zeros((frames, len(both), 2))
         for index, ((sums, energy), solver) in enumerate(zip(both, self._solvers, strict=True)):
             gain = sums[:, -1] / solver.energy
             flat = np.minimum(energy, solver.energy) <= solver.flat_energy
             usable = (gain > 0) & ~flat
-            own = sums[:, :-1] / np.where(usable, gain, np.inf)[:, None]
-            right, pulls[:, index] = right + own, own[:, : Model.SHIFT]
+            right += sums[:, :-1] / np.where(usable, gain, np.inf)[:, None]
             scores[usable, index] = sums[usable, -1] / np.sqrt(energy[usable] * solver.energy)
         steps = np.einsum("pq,fq->fp", self._inverse, right)
         for frame in np.flatnonzero((scores <= 0).any(axis=1)).tolist():
             used = [solver for solver, score in zip(self._solvers, scores[frame], strict=True) if score > 0]
             steps[frame] = inverse_normal(used, len(self._inverse)) @ right[frame]
-        return steps, scores, pulls
+        return steps, scores
 
-    def _registered(self, ended: _Running, scores: Floats, pulls: Floats) -> list[Registered]:
+    def _registered(self, ended: _Running, scores: Floats) -> list[Registered]:
         """Return the results of converged frames, scoring features separately that are not wholly in them."""
         parts = list(zip(ended.looks, ended.patches, ended.matrices, strict=True))
         alignments = [_at(look, matrix) for look, _, matrix in parts]
@@ -347,28 +342,16 @@ class Registration:
                 alignment.with_covariance(MotionCovariance(self.axes, self.model, covariance)),
                 dict(zip(names, own, strict=True)),
             )
-            for alignment, covariance, own in zip(
-                alignments, self._covariances(scores, pulls), scores.tolist(), strict=True
-            )
+            for alignment, covariance, own in zip(alignments, self._covariances(scores), scores.tolist(), strict=True)
         ]
 
-    def _covariances(self, scores: Floats, pulls: Floats) -> Floats:
-        """(F, parameters, parameters): the motions' covariances, from what features leave unexplained.
-
-        What they leave, as under the edges of shadows, may be no noise; then they pull in different directions by more
-        than chance, and are as uncertain as that.
-        """
+    def _covariances(self, scores: Floats) -> Floats:
+        """(F, parameters, parameters): the motions' covariances, from what features leave unexplained."""
         believed = np.maximum(scores, MIN_GUESS_SCORE)
         energies, each = self._spreads
         unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
         covariances: Floats = np.einsum("fk,kpq->fpq", unexplained, each)
-        surplus = Model.SHIFT * len(self._features) - self.model
-        if surplus <= 0:
-            return covariances
-        pinned = np.stack([np.linalg.pinv(solver.normal[: Model.SHIFT, : Model.SHIFT]) for solver in self._solvers])
-        apart = np.einsum("fki,kij,fkj->fk", pulls, pinned, pulls) / np.maximum(unexplained, np.finfo(np.float64).eps)
-        worse = apart.sum(axis=1) / surplus
-        return covariances * np.where(worse > SIGNIFICANT_SIGMAS**2, worse, 1.0)[:, None, None]
+        return covariances
 
     @cached_property
     def _spreads(self) -> tuple[Floats, Floats]:

@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from decoder.imaging.motion import carried
 from decoder.imaging.pictures import GreyPicture
 from decoder.panel.panel import parse_panel
 from decoder.registration.aligner import Aligner
-from decoder.registration.frame_search import FrameSearch
 from decoder.registration.sift_localizer import SiftLocalizer
 from tests.decoder.registration.plane import SIZE_PX, boxes, turn
 
@@ -32,13 +30,6 @@ def seen(panel: GreyPicture, motion: np.ndarray, seed: int) -> GreyPicture:
     frame[300:420, 100:240] = 15
     frame += np.random.default_rng(seed).normal(0, 3, frame.shape)
     return np.clip(frame, 0, 255).astype(np.uint8)
-
-
-def dappled(seed: int) -> np.ndarray:
-    """The light under leaves: nearly a quarter of it in their shadows, whose edges are a few pixels wide."""
-    leaves = np.random.default_rng(seed).normal(0, 1, (HEIGHT_PX // 45, WIDTH_PX // 45))
-    light: np.ndarray = 0.28 + 0.72 / (1.0 + np.exp(-9.0 * cv2.resize(leaves, SIZE_PX, interpolation=cv2.INTER_CUBIC)))
-    return light
 
 
 @pytest.mark.parametrize("kind", ["dark", "noise", "another panel"])
@@ -69,30 +60,3 @@ def test_frame_far_from_all_others_is_aligned(
     for x, y in boxes:
         there = motion @ (x, y, 1.0)
         assert found.to_frame((x, y)) == pytest.approx(there[:2] / there[2], abs=0.5)
-
-
-@pytest.mark.parametrize("tilt", [0.0, 0.1])
-@pytest.mark.parametrize("seed", [0, 4, 7, 10])
-def test_anchors_under_the_edges_of_shadows_do_not_move_the_panel(
-    panel: GreyPicture, document: dict[str, Any], tilt: float, seed: int
-) -> None:
-    """In dappled light, which most anchors survive but not as they were, the panel is found by all that it shows.
-
-    The light moves the anchors by more than a pixel, and they say so: they pull in different directions.
-    """
-    boxes = [(60, 60), (220, 140), (400, 150), (560, 60), (230, 300), (400, 310), (60, 400), (560, 400)]
-    anchors = [{"name": f"anchor {number}", "box": [*box, 40, 40]} for number, box in enumerate(boxes)]
-    described = parse_panel(json.dumps({**document, "anchors": anchors, "level": None}))
-    motion = turn(roll_deg=1.0, tilt=(tilt, 0.0), shift_px=(9.0, -14.0))
-    shown = cv2.warpPerspective(panel, motion, (WIDTH_PX, HEIGHT_PX), flags=cv2.INTER_AREA) * dappled(seed)
-    frame, aligner = shown.astype(np.uint8), Aligner(described, panel)
-    found, by_anchors = aligner.align(frame), FrameSearch(aligner.seen_at(None, SIZE_PX), frame).alignment()
-    centres = np.array([gauge["centre"] for gauge in document["gauges"]]).T
-    off_px, anchors_off_px = (
-        np.hypot(*(carried(one.matrix, centres) - carried(motion, centres))) for one in (found, by_anchors)
-    )
-
-    assert off_px.max() < 0.3
-    assert anchors_off_px.max() > 0.7
-    assert by_anchors.covariance is not None
-    assert anchors_off_px.max() < 3.0 * by_anchors.covariance.sigma_px(centres).max()
