@@ -804,7 +804,7 @@ def _put_together(
     for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
         # Until it is known what stands still over it, a horizon matches upside down as well as upright.
-        sights = [(frame[0], reader.horizon(frame, is_upright=False)) for frame in frames]
+        sights = [(frame[0], reader.horizon(frame, is_upright=number == 0)) for frame in frames]
         in_sight = [
             (strip, sight)
             for strip, sight in sights
