@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decoder.imaging.sorting import median_of
 from decoder.imaging.thresholds import HALF
@@ -29,7 +30,8 @@ from decoder.instruments.appearance import Instrument
 from decoder.instruments.found import Needle, all_above
 from decoder.instruments.needle_learner import Readings
 from decoder.instruments.panel_reader import PanelReader
-from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN
+from decoder.instruments.reading import Status
+from decoder.instruments.thresholds import APART_DEG, BEYOND_CHANCE_SPREADS, FRAMES_TO_LEARN
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.faces import LitViews
 from decoder.matching.layered_dial import DialComparison
@@ -56,6 +58,17 @@ def unexplained_gauges(reader: PanelReader, views: LitViews, found: Sequence[Rea
     out, since they check each other.
     """
     return dict(_unexplained(reader, views, found))
+
+
+def without_print(reader: PanelReader, views: LitViews, found: Sequence[Readings]) -> Sequence[Readings]:
+    """Return readings, given as for `unexplained_gauges`, in which needles that are likely print are missing."""
+    likely_print = frozenset[str]().union(*unexplained_gauges(reader, views, found).values())
+    if not likely_print:
+        return found
+    return [
+        {name: replace(own, status=Status.MISSING) if name in likely_print else own for name, own in readings.items()}
+        for readings in found
+    ]
 
 
 def mistaken_needles(reader: PanelReader) -> Mapping[str, float]:
@@ -117,13 +130,16 @@ def _unexplained(
 
 @dataclass(frozen=True, slots=True)
 class _Bars:
-    """By how much most columns of a dial differ along each row from those beside it, (F, R), grey levels.
+    """By how much most columns of a dial differ along each row from those beside it, (W, F, R), grey levels.
 
-    `moving` is what differs from the median of the frames, `left` from the dial drawn with its needles.
+    Bars of W widths are looked for. `moving` is what differs from the median of the frames, `left` from the dial drawn
+    with its needles. `is_apart` (F, R) says which rows lie apart from all needles, where a needle that is only drawn a
+    little wrong leaves nothing.
     """
 
     moving: Floats
     left: Floats
+    is_apart: NDArray[np.bool_]
 
     @classmethod
     def of(cls, dial: Instrument, needles: Sequence[Needle], shown: Sequence[tuple[UnwrappedGauge, Readings]]) -> Self:
@@ -135,13 +151,20 @@ class _Bars:
         # A dial without print does not show its light before its needles are known.
         light = DialComparison(dial.face, dial.grid.radii_px, [needle.template for needle in needles])
         lit = (light.lit(seen, each[:, None])[:, 0] for each in (usual, drawn))
-        return cls(*(_bars((seen - each)[..., tail:], width) for each in lit))
+        moving, left = (_bars((seen - each)[..., tail:], width) for each in lit)
+        return cls(moving, left, np.array([_is_apart(dial, needles, readings) for _, readings in shown]))
 
     @property
     def are_unexplained(self) -> bool:
-        """Whether in most frames what moves most leaves as much when the needles are drawn."""
-        moving, left = self.moving.max(axis=1), self.left.max(axis=1)
-        return bool(((moving >= 3 * NOISE_LEVELS) & (left > HALF * moving)).mean() > MOSTLY)
+        """Whether in most frames a bar apart from the needles stands out, and stays when these are drawn.
+
+        However dim a needle is, it stands out from what light, noise and JPEG change along most other rows.
+        """
+        stays = self.is_apart & (self.left > HALF * self.moving)
+        most = np.where(stays, np.minimum(self.moving, self.left), 0.0).max(axis=2)
+        usual = np.quantile(self.moving, 1.0 - HALF**2, axis=2)
+        stands_out = (most > np.maximum(2 * BEYOND_CHANCE_SPREADS * usual, NOISE_LEVELS)).any(axis=0)
+        return bool(stands_out.mean() > MOSTLY)
 
     def show(self, needle: Needle, rows: Floats) -> bool:
         """Whether a needle moves, or some frames, and more than not, show that it has moved to its rows (F,)."""
@@ -151,28 +174,38 @@ class _Bars:
         there = np.rint(rows).astype(np.intp)[:, None] + np.arange(-reach, reach + 1)
         moving, left = (
             np.take_along_axis(each, there.clip(0, each.shape[1] - 1), axis=1).max(axis=1)
-            for each in (self.moving, self.left)
+            for each in (self.moving.max(axis=0), self.left.max(axis=0))
         )
         shows = (moving >= 3 * NOISE_LEVELS) & (left <= HALF * moving)
         return int(shows.sum()) >= MIN_VIEWS and shows.sum() > (left >= 3 * NOISE_LEVELS).sum()
 
 
+def _is_apart(dial: Instrument, needles: Sequence[Needle], readings: Readings) -> NDArray[np.bool_]:
+    """(R,): the rows further from every needle than it is wide."""
+    rows, turn = np.arange(len(dial.face)), turn_rows(dial.gauge, dial.grid)
+    is_apart = np.ones(len(rows), np.bool_)
+    for needle in needles:
+        off_rows = shortest(rows - row_of_angle(dial.grid, readings[needle.name].angle_deg), turn)
+        is_apart &= np.abs(off_rows) > 2 * needle.half_width_rows
+    return is_apart
+
+
 def _bars(levels: Floats, most_rows: float) -> Floats:
-    """(F, R): by how much most columns of levels (F, R, C) differ, along each row, from those beside it.
+    """(W, F, R): by how much most columns of levels (F, R, C) differ, along each row, from those beside it.
 
     Light that changes slowly with the angle gives little, and so does print that fills less than half of the columns.
     What was drawn as a needle may be far wider than the needle, so narrower bars are tried, too.
     """
     along = np.median(levels, axis=2)
-    bars = np.zeros(along.shape)
-    for part in (1.0, HALF, HALF**2):
+    parts = (1.0, HALF, HALF**2)
+    bars = np.zeros((len(parts), *along.shape))
+    for own, part in zip(bars, parts, strict=True):
         width = 2 * math.ceil(part * most_rows / 2) + 1
         kernel = np.repeat([-HALF, 1.0, -HALF], width) / width
         inner = slice(len(kernel) // 2, along.shape[1] - len(kernel) // 2)
         if inner.start >= inner.stop:
             continue
-        own = np.abs([np.convolve(each, kernel, mode="valid") for each in along])
-        bars[:, inner] = np.maximum(bars[:, inner], own)
+        own[:, inner] = np.abs([np.convolve(each, kernel, mode="valid") for each in along])
     return bars
 
 

@@ -61,11 +61,12 @@ def fitted(gauge: dict[str, Any], panel: GreyPicture, frames: list[GreyPicture])
     ("hand", "aside_px"),
     [
         (Hand(level=110.0), 0.0),
+        (Hand(level=44.0), 0.0),
         (Hand(tip=45.0), 0.0),
         (Hand(root_half=8.0, tip_half=5.0), 0.0),
         (Hand(), 10.0),
     ],
-    ids=["dim", "short", "wide", "another-pivot"],
+    ids=["dim", "faint", "short", "wide", "another-pivot"],
 )
 def test_print_drawn_as_a_needle_is_not_read_while_the_needle_moves(hand: Hand, aside_px: float) -> None:
     """It matches itself perfectly in every frame, and only the rest of the dial tells that it is no needle."""
