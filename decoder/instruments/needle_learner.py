@@ -22,6 +22,7 @@ from decoder.matching.strips import rows_of_each
 from decoder.panel.arrays import Floats
 from decoder.panel.kind import Pointer
 from decoder.panel.scale import FULL_CIRCLE_DEG, shortest
+from decoder.registration.thresholds import LIKELY_SCORE
 
 Readings = Mapping[str, Reading]
 Templates = Mapping[str, NeedleTemplate]
@@ -94,15 +95,16 @@ class NeedleLearner:
 
         The frames show the needle's shape, but not its axis, since all cuts share the error of the template that found
         them. Fitting the learned needle to the given template, over the face behind it, shows that error, and the cuts
-        are moved by it.
+        are moved by it; but not where the given template shows something else, such as print that hides the needle.
         """
         behind = face_behind(face, self.grid, self._needles[name].at_deg, before.rows)
         both = face, behind
         learned = layered(*self._cuts(name, clear, before, both, 0.0), before.pixels, before.step_deg)
         fitter = WindowFitter([learned], [self.grid.pixels_per_sample])
         given, face_there = self.given[name].pixels.reshape(1, -1), behind.reshape(1, -1)
-        off_rows = float(fitter.fit(given, face_there, np.zeros(1)).fraction[0])
-        if not abs(off_rows) < before.rows / 8:
+        fit = fitter.fit(given, face_there, np.zeros(1))
+        off_rows = float(fit.fraction[0])
+        if not (fit.correlation[0] >= LIKELY_SCORE and abs(off_rows) < before.rows / 8):
             return learned
         return layered(*self._cuts(name, clear, learned, both, -off_rows), before.pixels, learned.step_deg)
 

@@ -41,6 +41,7 @@ from decoder.learning.flight_appearance import (
     learn_appearance,
     learn_hidden_looks,
     learn_likely_needles,
+    learn_moving_needles,
     lit_views,
     read_sample,
 )
@@ -396,6 +397,7 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     views, found = lit_views(reader, samples), read_sample(reader, samples)
     reader, found = with_seen_faces(reader, views, found, lambda bared: read_sample(bared, samples))
     reader, found = with_usual_dials(reader, views, found, lambda usual: read_sample(usual, samples))
+    reader, found = learn_moving_needles(reader, samples, views, found)
     reader, found = learn_hidden_looks(reader, samples, views, found)
     learned = learn_appearance(reader, views, found)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())

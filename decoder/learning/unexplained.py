@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Self
 
 import numpy as np
@@ -29,12 +30,14 @@ from decoder.imaging.unwrapping import (
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.found import Needle, all_above
 from decoder.instruments.needle_learner import Readings
+from decoder.instruments.needle_lines import places_of
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Status
-from decoder.instruments.thresholds import APART_DEG, BEYOND_CHANCE_SPREADS, FRAMES_TO_LEARN
+from decoder.instruments.thresholds import APART_DEG, BEYOND_CHANCE_SPREADS, FRAMES_TO_LEARN, MIN_PLACES
 from decoder.matching.correlation import partial_normxcorr
 from decoder.matching.faces import LitViews
 from decoder.matching.layered_dial import DialComparison
+from decoder.matching.needle_template import NeedleTemplate
 from decoder.matching.strips import rows_at
 from decoder.matching.thresholds import MIN_VIEWS, MOSTLY
 from decoder.panel.arrays import Floats
@@ -69,6 +72,42 @@ def without_print(reader: PanelReader, views: LitViews, found: Sequence[Readings
         {name: replace(own, status=Status.MISSING) if name in likely_print else own for name, own in readings.items()}
         for readings in found
     ]
+
+
+def found_by_motion(
+    dial: Instrument, needle: NeedleTemplate, strips: Sequence[UnwrappedGauge | None]
+) -> Mapping[int, float]:
+    """Find a dial's only needle where frames differ from their median by a bar along a radius, brighter or darker.
+
+    This needs no picture of the needle, only its width. If it mostly rests at one place, the median shows it there, and
+    every other frame differs there, too, but always at that place.
+
+    Parameters
+    ----------
+    needle
+        From the panel picture.
+    strips
+        The dial in frames, all in the same light; None where a frame does not show it.
+
+    Returns
+    -------
+    By frame, the angle at which it stands, degrees; for frames in which a bar stands out. Empty if it moves too little.
+    """
+    shown = [at for at, strip in enumerate(strips) if strip is not None]
+    seen = np.stack([strip for strip in strips if strip is not None])
+    outline = np.flatnonzero(needle.outline.any(axis=1))
+    bars = _bars((seen - median_of(seen))[..., dial.grid.tail_columns :], float(outline[-1] - outline[0]))
+    usual = np.maximum(2 * BEYOND_CHANCE_SPREADS * np.quantile(np.abs(bars), 1.0 - HALF**2, axis=2), NOISE_LEVELS)
+    either = []
+    for own in (bars, -bars):
+        # The width that fits a bar best shows it most strongly. What is beside a bar seems half as much of one.
+        levels = np.where(own > usual[..., None], own, 0.0).max(axis=0)
+        angles_deg = {
+            at: dial.grid.angle_deg(float(each.argmax())) for at, each in zip(shown, levels, strict=True) if each.any()
+        }
+        if len(angles_deg) >= FRAMES_TO_LEARN and places_of(angles_deg.values()) > MIN_PLACES:
+            either.append((float(levels.max(axis=1).sum()), angles_deg))
+    return max(either, key=itemgetter(0), default=(0.0, {}))[1]
 
 
 def mistaken_needles(reader: PanelReader) -> Mapping[str, float]:
@@ -151,7 +190,7 @@ class _Bars:
         # A dial without print does not show its light before its needles are known.
         light = DialComparison(dial.face, dial.grid.radii_px, [needle.template for needle in needles])
         lit = (light.lit(seen, each[:, None])[:, 0] for each in (usual, drawn))
-        moving, left = (_bars((seen - each)[..., tail:], width) for each in lit)
+        moving, left = (np.abs(_bars((seen - each)[..., tail:], width)) for each in lit)
         return cls(moving, left, np.array([_is_apart(dial, needles, readings) for _, readings in shown]))
 
     @property
@@ -191,7 +230,7 @@ def _is_apart(dial: Instrument, needles: Sequence[Needle], readings: Readings) -
 
 
 def _bars(levels: Floats, most_rows: float) -> Floats:
-    """(W, F, R): by how much most columns of levels (F, R, C) differ, along each row, from those beside it.
+    """(W, F, R): by how much most columns of levels (F, R, C) are above those beside them, along each row.
 
     Light that changes slowly with the angle gives little, and so does print that fills less than half of the columns.
     What was drawn as a needle may be far wider than the needle, so narrower bars are tried, too.
@@ -205,7 +244,7 @@ def _bars(levels: Floats, most_rows: float) -> Floats:
         inner = slice(len(kernel) // 2, along.shape[1] - len(kernel) // 2)
         if inner.start >= inner.stop:
             continue
-        own[:, inner] = np.abs([np.convolve(each, kernel, mode="valid") for each in along])
+        own[:, inner] = [np.convolve(each, kernel, mode="valid") for each in along]
     return bars
 
 
