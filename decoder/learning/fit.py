@@ -60,7 +60,7 @@ from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_fa
 from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.learning.unexplained import mistaken_needles, unexplained_gauges
-from decoder.matching.thresholds import FAR_PART, REACH_PART
+from decoder.matching.thresholds import FAR_PART, MIN_VIEWS, REACH_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PanelError
 from decoder.panel.gauge import Gauge
@@ -318,7 +318,8 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     before = last.found
     unread = frozenset(index for index in lost if is_unread(gauges[index], before))
-    coloured = in_best_colours(placed, lost, unread, sample)
+    missed = unread.union(index for index in lost if missing_part(gauges[index], before) * len(before) >= MIN_VIEWS)
+    coloured = in_best_colours(placed, lost, missed, sample)
     # A quarter is enough: more may be missing because something else lies over the dial.
     wanted = [
         known is None and missing_part(gauge, before) > HALF * HALF
@@ -330,17 +331,17 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     del begun, last, samples  # frees memory for what is unwrapped later
     tell("choosing colours that show what moves, and squaring dials up")
 
-    def again(squeezes: Sequence[Squeeze | None]) -> tuple[_Recentred, _Round]:
+    def again(coloured: PanelReader, squeezes: Sequence[Squeeze | None]) -> tuple[_Recentred, _Round]:
         better = squared_up(coloured, squeezes) if any(squeezes) else coloured
         return _begun(better, unwrapped(better, sample(frames_wanted(placed.placement))), sample, tell)
 
-    begun, last = again(squeezes)
-    helpful = tuple(
-        own if finds_more(gauge, before, last.found) else None for gauge, own in zip(gauges, squeezes, strict=True)
-    )
-    if helpful != squeezes:  # some of these did not help
+    begun, last = again(coloured, squeezes)
+    gained = {index for index, gauge in enumerate(gauges) if finds_more(gauge, before, last.found)}
+    helpful = tuple(own if index in gained else None for index, own in enumerate(squeezes))
+    kept = in_best_colours(placed, lost, unread | (missed & gained), sample) if missed - unread - gained else coloured
+    if helpful != squeezes or kept.source.mixtures != coloured.source.mixtures:  # some of these did not help
         del begun, last
-        begun, last = again(helpful)
+        begun, last = again(kept, helpful)
     return begun, last
 
 

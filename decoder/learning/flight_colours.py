@@ -36,7 +36,7 @@ Frame = GreyPicture | FramePicture | TopOfFrame
 
 
 def in_best_colours(
-    reader: PanelReader, lost: Sequence[int], unread: Collection[int], sample: Callable[[int], Iterable[Frame]]
+    reader: PanelReader, lost: Sequence[int], missed: Collection[int], sample: Callable[[int], Iterable[Frame]]
 ) -> PanelReader:
     """Read gauges in the mixture of colours that best shows what moves; return the same reader if nothing changes.
 
@@ -46,8 +46,8 @@ def in_best_colours(
         The gauges that may not be visible as they are read now. The others keep their mixture, except windows in which
         luma shows no change at all, and lamps: sun on one that turns from green to red is a change, but one that is as
         bright in either would be read confidently, as never lit.
-    unread
-        Those of them that are read in no frame: there is nothing to lose by any colour that is clearer than luma.
+    missed
+        Those of them that are read in too few frames: any colour that is clearer than luma is tried.
     sample
         Returns frames of the flight. A few show what turns; windows need more, as a lamp is lit in some frames only.
     """
@@ -68,7 +68,7 @@ def in_best_colours(
     mixtures = list(before)
     for place, index in enumerate(coloured):
         gauge, grid, frames = gauges[index], grids[index], [own[place] for own in seen]
-        times = 1.0 if index in unread else CLEARLY_WORSE
+        times = 1.0 if index in missed else CLEARLY_WORSE
         best = _best_mixture(Placed(index, gauge, grid), drawn[index], frames, is_lost=index in lost, times=times)
         mixtures[index] = best or before[index]
     if tuple(mixtures) == before:
