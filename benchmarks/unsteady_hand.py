@@ -1,7 +1,8 @@
 """`python -m benchmarks.unsteady_hand [TITLE ...]`: what a panel costs that is drawn worse, or on another picture.
 
 Each source of `real_pictures` is decoded with its panel as it is, with centres and marks drawn by an unsteady hand, and
-drawn on other pictures of the same camera. The hand is the same in every run.
+drawn on other pictures of the same camera: with needles where the truth has them, or, if that is known of few pictures,
+where they were read. The hand is the same in every run.
 """
 
 from __future__ import annotations
@@ -18,6 +19,10 @@ import yaml
 
 from benchmarks.real_pictures import Read, Source, available, decode_source, reads, truth_of
 from decoder.outputs.csv_output import text_table
+from decoder.panel.arrays import Floats
+from decoder.panel.scale import Scale
+from decoder.timeseries.tables import read_table
+from flight_file.reader import spread
 
 SEED = 19
 CENTRE_PARTS, MARK_DEG = (0.03, 0.08), 1.0
@@ -112,18 +117,84 @@ def _shaken(scale: Sequence[Sequence[float]], hand: np.random.Generator) -> list
 
 
 def _on_other_pictures(source: Source, document: Document, folder: Path) -> Iterator[tuple[str, Source]]:
-    """With the needle's place in each: only where the camera stands still and the truth is known in every frame."""
+    """With the needle's place in each, as far as the truth tells it, or what was read."""
     pictures = sorted(source.folder.glob(source.pictures))
-    if not source.same_view or source.tolerance:
-        return
-    truth = truth_of(source, [picture.stem for picture in pictures])
-    for number in np.linspace(0, len(pictures) - 1, OTHER_PICTURES).round().astype(int):
-        drawn, picture = dict(document), pictures[number]
-        drawn["gauges"] = [
-            _seen(gauge, {name: each[number] for name, each in truth.items()}) for gauge in document["gauges"]
-        ]
-        on = replace(source, panel_picture=str(picture.relative_to(source.folder)))
-        yield f"on {picture.stem}", _written(on, {**drawn, "picture": picture.name}, folder / f"{picture.stem}.yaml")
+    if source.tolerance:
+        yield from on_pictures_read(source, document, folder, OTHER_PICTURES)
+    elif source.same_view:
+        truth = truth_of(source, [picture.stem for picture in pictures])
+        for number in np.linspace(0, len(pictures) - 1, OTHER_PICTURES).round().astype(int):
+            shown = {name: each[number] for name, each in truth.items()}
+            yield _on(pictures[number], source, _showing(document, shown), folder)
+
+
+def on_pictures_read(source: Source, document: Document, folder: Path, count: int) -> Iterator[tuple[str, Source]]:
+    """A source with its panel drawn on some of its pictures, where it was found in them and its needles were read."""
+    pictures = sorted(source.folder.glob(source.pictures))
+    decode_source(source, folder / "found")
+    flight, alignments = (
+        read_table(folder / "found" / name, separator)
+        for name, separator in (("flight.csv", ","), ("flight_alignment.tsv", "\t"))
+    )
+    names = [needle["name"] for gauge in document["gauges"] for needle in gauge["needles"]]
+    read = np.all([np.array(flight.columns[f"{name}_status"]) == "read" for name in names], axis=0)
+    clear = np.flatnonzero(read)
+    for number in sorted(spread(len(clear), count)):
+        row = int(clear[number])
+        there = np.array(alignments.columns["matrix"][row].split(), float).reshape(3, 3)
+        shown = {name: float(flight.columns[name][row]) for name in names}
+        yield _on(pictures[row], source, _moved(_showing(document, shown), there), folder)
+
+
+def _on(picture: Path, source: Source, drawn: Document, folder: Path) -> tuple[str, Source]:
+    """A source whose panel is drawn on one of its pictures."""
+    on = replace(source, panel_picture=str(picture.relative_to(source.folder)))
+    path = folder / f"{picture.stem}.yaml"
+    return f"on {picture.stem}", _written(on, {**drawn, "picture": f"{picture.stem}.jpg"}, path)
+
+
+def _showing(document: Document, values: Mapping[str, float]) -> Document:
+    """A panel with its needles and cards as they are at these values."""
+    return {**document, "gauges": [_seen(gauge, values) for gauge in document["gauges"]]}
+
+
+def _moved(document: Document, there: Floats) -> Document:
+    """A panel of dials where a picture shows it that is moved, turned and scaled by a matrix."""
+    turn = float(np.degrees(np.arctan2(there[1, 0] - there[0, 1], there[0, 0] + there[1, 1])))
+    scale = float(np.sqrt(np.linalg.det(there[:2, :2])))
+
+    def point(x: float, y: float) -> list[float]:
+        x, y, depth = there @ (x, y, 1.0)
+        return [float(x / depth), float(y / depth)]
+
+    def anchor(own: Document) -> Document:
+        x, y, width, height = own["box"]
+        middle_x, middle_y = point(x + width / 2, y + height / 2)
+        return {**own, "box": [round(middle_x - width / 2), round(middle_y - height / 2), width, height]}
+
+    def turned(own: Document) -> Document:
+        moved = {**own}
+        if "scale" in own:
+            moved["scale"] = [[angle + turn, value] for angle, value in own["scale"]]
+        if "template" in own:
+            moved["template"] = {**own["template"], "at": own["template"]["at"] + turn}
+        return moved
+
+    def gauge(own: Document) -> Document:
+        start, end = own["sweep"]
+        return {
+            **turned(own),
+            "centre": point(*own["centre"]),
+            "radius": [scale * radius for radius in own["radius"]],
+            "sweep": [start + turn, start + turn + (end - start)],
+            "needles": [turned(needle) for needle in own["needles"]],
+        }
+
+    return {
+        **document,
+        "anchors": [anchor(own) for own in document["anchors"]],
+        "gauges": [gauge(own) for own in document["gauges"]],
+    }
 
 
 def _seen(gauge: Document, truth: Mapping[str, float]) -> Document:
@@ -144,12 +215,8 @@ def _seen(gauge: Document, truth: Mapping[str, float]) -> Document:
 
 
 def _angle(scale: Sequence[Sequence[float]], wraps: float | None, value: float) -> float:
-    angles, values = np.array(scale, float).T
-    if wraps is None:
-        order = np.argsort(values)
-        return float(np.interp(value, values[order], angles[order]))
-    (first, start), (second, end) = scale[0], scale[1]
-    return float(first + (value - start) % wraps * (second - first) / (end - start))
+    marks = tuple((float(angle), float(each)) for angle, each in scale)
+    return float(Scale.of(marks, wraps).angles_of(np.array([value]))[0])
 
 
 def _written(source: Source, document: Document, path: Path) -> Source:

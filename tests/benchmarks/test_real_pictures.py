@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.real_pictures import PICTURES, SOURCES, Read, decode_source, reads
-from benchmarks.unsteady_hand import manners
+from benchmarks.unsteady_hand import manners, on_pictures_read
 from tests.programs import write_yaml, yaml_of
 
 pytestmark = [
@@ -63,6 +63,18 @@ def test_gauge_agrees_with_the_eye(title: str, tmp_path: Path) -> None:
 
     assert read.valued == 1.0
     assert read.within_95 == 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.untraced
+@pytest.mark.parametrize("title", ["tachometer at night", "vacuum gauge, pivot below the picture"])
+def test_needle_is_read_whichever_picture_its_panel_is_drawn_on(title: str, tmp_path: Path) -> None:
+    """It is clear there and not everywhere, or it is thin and lies over print that stays where it is."""
+    (source,) = (source for source in SOURCES if source.title == title)
+    for manner, drawn in on_pictures_read(source, yaml_of(source.panel), tmp_path, 3):
+        (read,) = reads(decode_source(drawn, tmp_path / manner))
+        assert read.read >= 0.9, manner
+        assert read.gross == 0, manner
 
 
 @pytest.mark.slow
