@@ -52,6 +52,15 @@ def glowing(light: float, *, sun: float = 1.0, seed: int = 0) -> Floats:
     return drawn(light, sun=sun, seed=seed) + (0.3 * light * np.exp(-np.hypot(x, y) / 10.0)).astype(np.float32)
 
 
+def haloed(light: float, *, sun: float = 1.0, seed: int = 0) -> Floats:
+    """A lamp that fills its window on a dark plain panel, within a halo that fades over a tenth of its diameter."""
+    down, across = np.indices((GRID.rows, GRID.columns))
+    beyond = np.hypot(across - (GRID.columns - 1) / 2, down - (GRID.rows - 1) / 2) - min(GRID.rows, GRID.columns) / 4
+    noise = np.random.default_rng(seed).normal(0.0, 1.0, down.shape)
+    halo = 0.5 * light * np.exp(-np.maximum(beyond, 0.0) / 4.0)
+    return np.clip(np.where(beyond < 0.0, 50.0 * sun + light, 30.0 * sun + halo) + noise, 0, 255).astype(np.float32)
+
+
 def glass(light: float, *, haze: float = 0.0, beside: int = 0, seed: int = 0) -> Floats:
     """Words behind black glass, so many cells below their window, blurred onto the glass around them."""
     words = np.zeros((GRID.rows, GRID.columns), np.float32)
@@ -238,6 +247,21 @@ def test_a_lamp_beside_another_is_read_by_itself(*, lit: bool) -> None:
     for own, next_ in product((0.0, 110.0), repeat=2):
         (found,) = read(taught, row(own, next_, seed=60), lamp=lamp)
         assert (found["low_fuel_on"].status, found["low_fuel_on"].angle_deg) == (Status.READ, float(own > 0))
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_a_lamp_within_a_halo_of_its_own_light_is_read_in_both_states(*, lit: bool) -> None:
+    """Where nothing else shows around its window, the halo's coming and going is most of what is seen there."""
+    lamp = Lamp(name="fire_on", lit=lit)
+    lights = [150.0 * ((number % 8 < 5) == lit) for number in range(16)]
+    views = [haloed(light, sun=0.9 + 0.01 * number, seed=number) for number, light in enumerate(lights)]
+    first = first_surrounded(lamp, GRID, haloed(150.0 * lit, seed=50))
+    reader = SurroundedLampReader(lamp, GRID, learn_surrounded(lamp, GRID, views, first))
+
+    told = [own["fire_on"] for own in reader.read(np.stack(views), np.zeros(16))]
+
+    assert [own.status for own in told] == [Status.READ] * 16
+    assert [bool(own.angle_deg) for own in told] == [light > 0 for light in lights]
 
 
 @pytest.mark.parametrize("beside", range(2, 20, 2))

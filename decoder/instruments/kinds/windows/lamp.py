@@ -63,6 +63,8 @@ class LampPicture:
         (R, C): its window and surroundings in the panel picture.
     steady
         (R, C): the weights of the pixels around the window.
+    halo
+        (R, C): how much light the lamp casts on each of them, as a part of its own.
     weights
         (r, c), sum 1: how much each pixel of the window counts.
     sigma
@@ -90,6 +92,7 @@ class LampPicture:
 
     drawn: UnwrappedGauge
     steady: Floats
+    halo: Floats
     weights: Floats
     sigma: float
     response: Floats
@@ -244,7 +247,7 @@ def _mean(levels: Floats, weights: Floats) -> Floats:
     return mean
 
 
-def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady: Floats) -> Added:
+def added_light(grid: WindowGrid, known: LampPicture, strips: Floats) -> Added:
     """Measure what windows show beyond the panel picture, in the light that falls around them.
 
     Dark surroundings do not show that light: the little that they show is noise, or the lamp's own. The light is then
@@ -252,23 +255,51 @@ def added_light(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats, steady:
 
     Parameters
     ----------
-    drawn, strips
-        (R, C) and (F, R, C): the window and its surroundings, in the panel picture and in frames.
-    steady
-        (R, C): the weight of each pixel around the window.
+    known
+        What the lamp looks like.
+    strips
+        (F, R, C): the window and its surroundings in frames.
     """
-    around, terms = _around(grid, 0), _terms(drawn)
-    beside = _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
-    spilt = SPILT_LIGHT * np.maximum(_stands_out(grid, strips), _stands_out(grid, drawn))
-    light = _light(terms[beside], strips[:, beside].astype(np.float64), steady[beside], spilt)
-    own, expected = strips[:, *grid.within], np.einsum("fi,rci->frc", light, terms[grid.within])
-    beyond = np.abs((own - np.minimum(expected, WHITE)).mean(axis=(1, 2)))
-    beside_it = SPILT_PART * beyond[:, None] * ~beside[around]
+    around, (own, expected, light, off) = _around(grid, 0), _in_its_light(grid, known, strips)
+    beyond = (own - np.minimum(expected, WHITE)).mean(axis=(1, 2))[:, None]
+    beside_it = SPILT_PART * np.abs(beyond) * ~_beside(grid)[around]
+    left = np.maximum(np.abs(off - beyond * known.halo[around]) - beside_it, 0.0)
+    weights = known.steady[around] / known.steady[around].sum()
     seen = strips[:, around].astype(np.float64)
-    left = np.maximum(np.abs(seen - light @ terms[around].T) - beside_it, 0.0)
-    weights = steady[around] / steady[around].sum()
     shown = seen - (seen @ weights)[:, None]
     return Added(own, expected, light[:, 0] / WHITE, np.square(shown) @ weights, np.square(left) @ weights)
+
+
+def _in_its_light(grid: WindowGrid, known: LampPicture, strips: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Fit the light around windows (F, R, C).
+
+    Returns the windows, what they would show in that light (both (F, r, c)), the light (F, L), and how far each pixel
+    around them is off it, (F, P).
+    """
+    around, beside, terms = _around(grid, 0), _beside(grid), _terms(known.drawn)
+    spilt = SPILT_LIGHT * np.maximum(_stands_out(grid, strips), _stands_out(grid, known.drawn))
+    light = _light(terms[beside], strips[:, beside].astype(np.float64), known.steady[beside], spilt)
+    expected = np.einsum("fi,rci->frc", light, terms[grid.within])
+    return strips[:, *grid.within], expected, light, strips[:, around] - light @ terms[around].T
+
+
+def _halo(grid: WindowGrid, known: LampPicture, strips: Floats) -> Floats:
+    """(R, C): how much of a lamp's light falls on each pixel around it, by frames (F, R, C) in which it changed.
+
+    Its light spreads by bloom, or lights a bezel; what lies over the panel changes the surroundings far more.
+    """
+    around, (own, expected, _, off) = _around(grid, 0), _in_its_light(grid, known, strips)
+    beyond = (own - np.minimum(expected, WHITE)).mean(axis=(1, 2))
+    has_changed, halo = np.abs(beyond) >= DIMMEST_LEVELS, np.zeros_like(known.steady)
+    if has_changed.sum() >= MIN_VIEWS:
+        most = np.where(_beside(grid)[around], SPILT_LIGHT, SPILT_PART)
+        halo[around] = np.clip(np.median(off[has_changed] / beyond[has_changed, None], axis=0), 0.0, most)
+    return halo
+
+
+def _beside(grid: WindowGrid) -> Mask:
+    """(R, C): the surroundings of a window on which little of its lamp's own light falls."""
+    return _around(grid, math.ceil(SPILT_ON_PART * grid.margin))
 
 
 def _steady(grid: WindowGrid, drawn: UnwrappedGauge, strips: Floats) -> Floats:
@@ -325,7 +356,7 @@ def first_lamp(lamp: Lamp, grid: WindowGrid, drawn: UnwrappedGauge) -> LampPictu
     shining = _shining(grid, drawn) if lamp.lit else np.zeros(shape)
     even, light = np.full(shape, 1.0 / np.prod(shape)), float(shining.mean())
     sigma = math.hypot(NOISE_LEVELS, EXPOSURE_PART * light)
-    return LampPicture(drawn, np.ones(drawn.shape), even, sigma, -shining, light)
+    return LampPicture(drawn, np.ones(drawn.shape), np.zeros(drawn.shape), even, sigma, -shining, light)
 
 
 def _stands_out(grid: WindowGrid, strips: Floats) -> Floats:
@@ -350,9 +381,11 @@ def learn_lamp(lamp: Lamp, grid: WindowGrid, strips: Sequence[UnwrappedGauge], k
     """
     if len(strips) < FRAMES_TO_LEARN:
         return known
-    steady = _steady(grid, known.drawn, np.stack(strips))
-    added = added_light(grid, known.drawn, np.stack(strips), steady)
-    known = replace(known, steady=steady, left=float(np.median(added.left)))
+    views = np.stack(strips)
+    known = replace(known, steady=_steady(grid, known.drawn, views))
+    known = replace(known, halo=_halo(grid, known, views))
+    added = added_light(grid, known, views)
+    known = replace(known, left=float(np.median(added.left)))
     added = added.of(known.scores(added) >= SCORE_THRESHOLD)
     is_odd, is_other = (_is_beyond(lamp, known, added, side) for side in (-1, 1))
     if CLEARLY_WORSE * is_odd.sum() > is_other.sum():
@@ -515,7 +548,7 @@ class LampReader:
     def read(self, strips: Floats, _: Floats) -> list[dict[str, Reading]]:
         """Read F frames of the window and its surroundings, (F, R, C)."""
         picture = self._picture
-        added = added_light(self._grid, picture.drawn, strips, picture.steady)
+        added = added_light(self._grid, picture, strips)
         scores = np.where(_is_beyond(self._lamp, picture, added, -1), 0.0, picture.scores(added))
         told, (least, most) = picture.told(added), picture.between(added)
         most = np.where(picture.is_only_dimmed(added), np.inf, most)
@@ -586,7 +619,7 @@ def learn_surrounded(
     far = learn_lamp(lamp, grid, strips, known.far)
     if near.others or not strips:
         return SurroundedLamp(near, far)
-    changed = _is_beyond(lamp, far, added_light(grid, far.drawn, np.stack(strips), far.steady), 1)
+    changed = _is_beyond(lamp, far, added_light(grid, far, np.stack(strips)), 1)
     return SurroundedLamp(near, far, is_inside=int(changed.sum()) >= MIN_VIEWS)
 
 
@@ -603,7 +636,7 @@ class SurroundedLampReader:
 
     def read(self, strips: Floats, place_sigmas_px: Floats) -> list[dict[str, Reading]]:
         """Read F frames of the window and its surroundings, (F, R, C)."""
-        added = added_light(self._grid, self._far.drawn, strips, self._far.steady)
+        added = added_light(self._grid, self._far, strips)
         has_changed = _is_beyond(self._lamp, self._far, added, 1).tolist()
         near = self._near.read(strips[:, *_cut(self._grid)], place_sigmas_px)
         return [
