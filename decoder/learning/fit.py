@@ -405,6 +405,7 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     if reader.placement.dials_move or missing:  # then every tilt is used; else the fit's guess is good enough
         learned, found = kept_where_better(reader, learned, samples, views, found)
     reader, found = learn_likely_needles(learned, samples, views, found)
+    reader, found = learn_moving_needles(reader, samples, views, found)  # what was learned may be print
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
 
 

@@ -140,12 +140,14 @@ def learn_moving_needles(
             for at, each in enumerate(told)
         ]
     while moved:
-        again = learn_appearance(reader, views, told, moved)
-        read = read_sample(again, samples)
-        now = without_print(again, views, read)
-        better = {index: own for index, own in moved.items() if finds_more(gauges[index], counted, now)}
-        if len(better) == len(moved):
-            return again, read
+        again = reader
+        for _ in range(2):  # at first only what shows within the outline of what was cut
+            again = learn_appearance(again, views, told, moved)
+            read = read_sample(again, samples)
+            now = without_print(again, views, read)
+            better = {index: own for index, own in moved.items() if finds_more(gauges[index], counted, now)}
+            if len(better) == len(moved):
+                return again, read
         moved = better
     return reader, found
 
