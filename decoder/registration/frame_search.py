@@ -137,8 +137,8 @@ class AlignmentRefiner:
         if anchors > 1 and model < self._seen.model(self._seen.features):
             settled = self._widened(settled, features, model)
         if len(features) < len(self._seen.features):
-            return RefinedAlignment(settled.alignment, self.scores(settled.alignment), features)
-        return RefinedAlignment(settled.alignment, settled.scores, features)
+            return RefinedAlignment(settled.doubted, self.scores(settled.alignment), features)
+        return RefinedAlignment(settled.doubted, settled.scores, features)
 
     def _refined(self, registration: Registration, guess: Alignment, *, is_far: bool = False) -> Registered | None:
         (found,) = registration.refine([registration.look_at(self._frame, guess)], is_far=is_far)

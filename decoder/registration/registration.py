@@ -9,7 +9,7 @@ gradient of light, so light may change; the motion is common.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -19,6 +19,7 @@ from decoder.imaging.alignment import Alignment, carried_by, upright
 from decoder.imaging.motion import Frame2D, Model, MotionCovariance
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.resampling import Patch, PointMap, levels_at, put_levels
+from decoder.imaging.thresholds import LEAST_CONDITION
 from decoder.panel.arrays import Floats, Indices, Mask
 from decoder.registration.features import Feature
 from decoder.registration.thresholds import (
@@ -92,10 +93,29 @@ def inverse_normal(solvers: Sequence[FeatureSolver], size: int) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """Where the features match best, and the NCC of each of them there, by its name."""
+    """Where the features match best.
+
+    Attributes
+    ----------
+    alignment
+        As uncertain as what each feature leaves unexplained makes it.
+    scores
+        The NCC of each feature there, by its name.
+    dissent
+        How many times the variance of that they contradict each other by, at least 1.
+    """
 
     alignment: Alignment
     scores: Mapping[str, float]
+    dissent: float = 1.0
+
+    @property
+    def doubted(self) -> Alignment:
+        """The alignment, as uncertain as its features contradict each other."""
+        known = self.alignment.covariance
+        if known is None or self.dissent <= 1.0:
+            return self.alignment
+        return self.alignment.with_covariance(replace(known, covariance=known.covariance * self.dissent))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,7 +262,7 @@ class Registration:
             if not running.numbers.size:
                 break
             levels = self._levels(running) if iteration else _first_levels(running.looks)
-            step, scores = self._steps(levels)
+            step, scores, pulls = self._steps(levels)
             if iteration >= FULL_STEPS:  # full steps may alternate between two places forever
                 step *= 0.5
             reach_px = np.hypot(step[:, 0], step[:, 1]) + np.abs(step[:, 2:]).sum(axis=1)
@@ -255,7 +275,8 @@ class Registration:
             done = ~lost & ((left_px < SETTLED_PX) | ((iteration == iterations - 1) & (reach_px < 10 * SETTLED_PX)))
             if done.any():
                 ended = running.only(done)
-                for number, one in zip(ended.numbers.tolist(), self._registered(ended, scores[done]), strict=True):
+                registered = self._registered(ended, scores[done], pulls[done])
+                for number, one in zip(ended.numbers.tolist(), registered, strict=True):
                     found[number] = one
             running = self._with_room(running.only(~done & ~lost))
         return found
@@ -308,28 +329,30 @@ class Registration:
                         put_levels(levels[row], patch.pixels, at.reshape(points.folded.shape))
             yield levels.reshape(len(own), -1)
 
-    def _steps(self, levels: Iterable[Floats]) -> tuple[Floats, Floats]:
-        """Return for F frames the steps towards the features, (F, parameters), and their scores, (F, features).
+    def _steps(self, levels: Iterable[Floats]) -> tuple[Floats, Floats, Floats]:
+        """Return for F frames the steps towards the features, (F, parameters), and what each of K features adds.
 
-        `levels` holds for each feature its pixels in the frames, (F, N) float32 or a few more columns. A feature that
-        is flat or inverted in a frame scores 0 there and is left out of the step.
+        That is its score, (F, K), and how it pulls at the parameters, (F, K, parameters). `levels` holds for each
+        feature its pixels in the frames, (F, N) float32 or a few more columns. A feature that is flat or inverted in a
+        frame scores 0 there and is left out of the step.
         """
         both = [solver.seen_in_each(own) for solver, own in zip(self._solvers, levels, strict=True)]
         frames = len(both[0][1])
-        right, scores = np.zeros((frames, len(self._inverse))), np.zeros((frames, len(both)))
+        pulls, scores = np.zeros((frames, len(both), len(self._inverse))), np.zeros((frames, len(both)))
         for index, ((sums, energy), solver) in enumerate(zip(both, self._solvers, strict=True)):
             gain = sums[:, -1] / solver.energy
             flat = np.minimum(energy, solver.energy) <= solver.flat_energy
             usable = (gain > 0) & ~flat
-            right += sums[:, :-1] / np.where(usable, gain, np.inf)[:, None]
+            pulls[:, index] = sums[:, :-1] / np.where(usable, gain, np.inf)[:, None]
             scores[usable, index] = sums[usable, -1] / np.sqrt(energy[usable] * solver.energy)
+        right = pulls.sum(axis=1)
         steps = np.einsum("pq,fq->fp", self._inverse, right)
         for frame in np.flatnonzero((scores <= 0).any(axis=1)).tolist():
             used = [solver for solver, score in zip(self._solvers, scores[frame], strict=True) if score > 0]
             steps[frame] = inverse_normal(used, len(self._inverse)) @ right[frame]
-        return steps, scores
+        return steps, scores, pulls
 
-    def _registered(self, ended: _Running, scores: Floats) -> list[Registered]:
+    def _registered(self, ended: _Running, scores: Floats, pulls: Floats) -> list[Registered]:
         """Return the results of converged frames, scoring features separately that are not wholly in them."""
         parts = list(zip(ended.looks, ended.patches, ended.matrices, strict=True))
         alignments = [_at(look, matrix) for look, _, matrix in parts]
@@ -337,21 +360,46 @@ class Registration:
             for index in (index for index, patch in enumerate(patches) if patch is None):
                 scores[row, index] = self._features[index].score(look.frame, alignments[row])
         names = [feature.name for feature in self._features]
+        believed = np.maximum(scores, MIN_GUESS_SCORE)
+        energies, each = self._spreads
+        unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
+        covariances = np.einsum("fk,kpq->fpq", unexplained, each)
+        dissents = self._dissents(pulls, np.maximum(unexplained, MIN_SPREAD_LEVELS**2)).tolist()
         return [
             Registered(
                 alignment.with_covariance(MotionCovariance(self.axes, self.model, covariance)),
                 dict(zip(names, own, strict=True)),
+                dissent,
             )
-            for alignment, covariance, own in zip(alignments, self._covariances(scores), scores.tolist(), strict=True)
+            for alignment, covariance, own, dissent in zip(
+                alignments, covariances, scores.tolist(), dissents, strict=True
+            )
         ]
 
-    def _covariances(self, scores: Floats) -> Floats:
-        """(F, parameters, parameters): the motions' covariances, from what features leave unexplained."""
-        believed = np.maximum(scores, MIN_GUESS_SCORE)
-        energies, each = self._spreads
-        unexplained = energies * (1.0 / believed**2 - 1.0) * NOISE_CORRELATION**2
-        covariances: Floats = np.einsum("fk,kpq->fpq", unexplained, each)
-        return covariances
+    def _dissents(self, pulls: Floats, unexplained: Floats) -> Floats:
+        """(F,): as `Registered.dissent`, from (F, K, parameters) pulls where they balance, and (F, K) variances.
+
+        The edges of shadows are no noise: they move one anchor there and another here. How far apart features are by
+        where they lie shows it best if there are many, and by how each is turned and sheared if there are few.
+        """
+        worst = np.ones(len(pulls))
+        for inverses, surplus in self._told:
+            own = pulls[..., : inverses.shape[1]]
+            if surplus > 0:
+                apart = np.einsum("fkp,kpq,fkq->fk", own, inverses, own) / unexplained
+                worst = np.maximum(worst, apart.sum(axis=1) / surplus)
+        return worst
+
+    @cached_property
+    def _told(self) -> list[tuple[Floats, int]]:
+        """For shifts and for the whole model: what inverts each feature's pull, and how much more they tell than it."""
+        told = []
+        for count in (Model.SHIFT, self.model):
+            normals = np.stack([solver.normal[:count, :count] for solver in self._solvers])
+            spreads = np.linalg.eigvalsh(normals)
+            known = int((spreads > LEAST_CONDITION**2 * spreads[:, -1:]).sum())
+            told.append((np.linalg.pinv(normals, rcond=LEAST_CONDITION**2, hermitian=True), known - self.model))
+        return told
 
     @cached_property
     def _spreads(self) -> tuple[Floats, Floats]:

@@ -86,7 +86,7 @@ class SeenPanel:
         found = self.registration(self.features).refine(looks)
         lowest = [0.0 if one is None else min(one.scores.values()) for one in found]
         return [
-            None if one is None or score < CLEAR_SCORE else replace(one.alignment.after(self.usual), score=score)
+            None if one is None or score < CLEAR_SCORE else replace(one.doubted.after(self.usual), score=score)
             for one, score in zip(found, lowest, strict=True)
         ]
 
