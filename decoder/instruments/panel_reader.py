@@ -262,8 +262,9 @@ class PanelReader:
         """Read each frame, with the uncertainty of its dials' positions."""
         sigmas_px = self._places.sigmas_px([frame.alignment for frame in frames])
         for sigma_px, frame in zip(sigmas_px, frames, strict=True):
-            if frame.dial_sigmas_px:
-                sigma_px[:] = frame.dial_sigmas_px
+            if frame.dial_sigmas_px:  # of a window, which stays where the anchors put it, only theirs is known
+                own_px = np.array(frame.dial_sigmas_px)
+                sigma_px[:] = np.where(own_px > 0.0, own_px, sigma_px)
         radii_px = np.array([gauge.arc_px for gauge in self.source.panel.gauges])
         shown = [self._shown(frame) for frame in frames]
         readings = self.instruments.read(samples, shown, np.degrees(sigmas_px / radii_px))

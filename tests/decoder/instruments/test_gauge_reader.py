@@ -180,3 +180,22 @@ def test_panel_that_does_not_fit_its_picture_is_refused(change: Callable[[dict[s
     """A template without a needle, or a gauge beyond the picture, is named with its path before anything is read."""
     with pytest.raises(PanelError, match=says):
         reader_of(change, other=np.zeros((100, 100), np.uint8), flat=np.full((17, 33), 90, np.uint8))
+
+
+def test_gauge_that_is_not_located_by_itself_is_as_unsure_as_the_alignment(reader: PanelReader) -> None:
+    """Of a window beside dials that are located one by one, only the anchors tell where it is."""
+    seen = reader.unwrap(draw(hands()))
+    known = seen.alignment.covariance
+    assert known is not None
+    doubted = replace(seen, alignment=seen.alignment.with_covariance(replace(known, covariance=known.covariance + 1.0)))
+    count = len(reader.source.panel.gauges)
+    by_itself, left, aligned = reader.read_unwrapped(
+        [
+            replace(doubted, dial_sigmas_px=(0.01,) * count),
+            replace(doubted, dial_sigmas_px=(0.0,) * count),
+            doubted,
+        ]
+    )
+    sigmas_deg = [each.readings["speed_kt"].sigma_deg for each in (by_itself, left, aligned)]
+
+    assert sigmas_deg[1] == sigmas_deg[2] > 5 * sigmas_deg[0]
