@@ -6,10 +6,12 @@ rolled, or nearer or further than that search covers, is first located by SIFT f
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,12 +23,21 @@ from decoder.panel.arrays import Floats
 from decoder.panel.errors import AlignmentLost, PanelError, PictureError
 from decoder.panel.gauge import Gauge
 from decoder.panel.panel import Panel
-from decoder.registration.anchors import NOTHING_THERE, findable
+from decoder.registration.anchors import NOTHING_THERE, SEARCH_MARGIN_PX, findable
 from decoder.registration.features import level_feature
-from decoder.registration.frame_search import AlignmentRefiner, FrameSearch
+from decoder.registration.frame_search import AlignmentRefiner, FrameSearch, failing
 from decoder.registration.seen_panel import SeenPanel
 from decoder.registration.sift_localizer import SiftLocalizer
-from decoder.registration.thresholds import CONSISTENT_PX, FEW_FAILED, KEPT, MOST_ANCHORED, NOISE_LEVELS
+from decoder.registration.thresholds import (
+    CLEAR_SCORE,
+    CONSISTENT_PX,
+    FEW_FAILED,
+    KEPT,
+    MOST_ANCHORED,
+    NOISE_LEVELS,
+    SCORE_THRESHOLD,
+    SIGNIFICANT_SIGMAS,
+)
 
 
 class Aligner:
@@ -111,17 +122,45 @@ class Aligner:
         return self._searched(self._seen_in(frame, focal_length_mm), frame)
 
     def _searched(self, seen: SeenPanel, frame: GreyPicture) -> Alignment:
-        """Search around the panel's usual place, and if it is not there, around where SIFT puts it."""
+        """Search around the panel's usual place, and if it is not there, around where SIFT puts it.
+
+        If its anchors leave in doubt where it is, as under shadows, it is where SIFT puts it, if that is surer.
+        """
         try:
-            return FrameSearch(seen, frame).alignment()
+            found = FrameSearch(seen, frame).alignment()
         except AlignmentLost as lost:
             motion = self.localizer.find(frame)
             if motion is None:
                 raise
             try:
-                return FrameSearch(seen.at(motion), frame).alignment()
+                found = FrameSearch(seen.at(motion), frame).alignment()
             except AlignmentLost:
                 raise lost from None
+        is_sure = SIGNIFICANT_SIGMAS * _doubt_px(seen, found) <= CONSISTENT_PX
+        is_clear = found.score >= CLEAR_SCORE or self.agrees(found)  # a hand over some leaves the others as they are
+        if (is_sure and is_clear) or _lie_elsewhere(seen, frame, found):
+            return found
+        return self._held_against_sight(seen, frame, found)
+
+    def _held_against_sight(self, seen: SeenPanel, frame: GreyPicture, found: Alignment) -> Alignment:
+        """Return where SIFT puts a panel, if that is surer than what was found; if it contradicts that, doubt it.
+
+        SIFT's features are matched as they appear, so with a lens that distorts they tell nothing.
+        """
+        sighted = None if seen.start.lens is not None and seen.start.lens.distorts else self.localizer.alignment(frame)
+        known = found.covariance
+        if sighted is None or known is None:
+            return found
+        there, points = np.linalg.inv(seen.usual), seen.gauges.astype(np.float64)
+        apart = carried(found.matrix @ there, points) - carried(sighted.matrix @ there, points)
+        off_px, doubt_px, other_px = float(np.hypot(*apart).max()), _doubt_px(seen, found), _doubt_px(seen, sighted)
+        if off_px > SIGNIFICANT_SIGMAS * math.hypot(doubt_px, other_px):
+            return found.with_covariance(replace(known, covariance=known.covariance * (off_px / doubt_px) ** 2))
+        scores = AlignmentRefiner(seen, frame).scores(sighted.after(there))
+        matching = [score for score in scores.values() if score >= SCORE_THRESHOLD]
+        if not matching or 2.0 * other_px > doubt_px:
+            return found
+        return replace(sighted, score=min(matching), failed=failing(scores), lens=found.lens)
 
     @property
     def tells_perspective(self) -> bool:
@@ -206,3 +245,19 @@ def _check_level(level: tuple[tuple[float, float], tuple[float, float]], picture
         raise PanelError("level", f"lies outside the {width} x {height} panel picture")
     if float(level_feature(picture, level).pixels.std()) < NOISE_LEVELS / 4:
         raise PanelError("level", "lies on no visible edge of the panel picture")
+
+
+def _doubt_px(seen: SeenPanel, found: Alignment) -> float:
+    """Return how uncertain the worst gauge's place is, in frames' pixels."""
+    return math.inf if found.covariance is None else float(found.covariance.sigma_px(seen.gauges).max())
+
+
+def _lie_elsewhere(seen: SeenPanel, frame: GreyPicture, found: Alignment) -> bool:
+    """Whether half of the anchors that do not match are found near by: they lie at other depths, and not in shadow."""
+    there = found.after(np.linalg.inv(seen.usual))
+    scores = [
+        finder.seen_through(frame, there, SEARCH_MARGIN_PX).score
+        for finder in seen.finders
+        if finder.name in found.failed
+    ]
+    return 2 * sum(score >= SCORE_THRESHOLD for score in scores) >= len(scores) > 0

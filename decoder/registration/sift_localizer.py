@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from decoder.imaging.alignment import Matrix
+from decoder.imaging.alignment import Alignment, Matrix
+from decoder.imaging.motion import Frame2D, Model, MotionCovariance, carried
 from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.thresholds import MAX_ENLARGEMENT
 from decoder.registration.thresholds import KEPT, MAX_SIDE_PX, MIN_AGREEING, RATIO
@@ -30,26 +31,31 @@ CORNERS = 4
 
 
 class SiftLocalizer:
-    """Finds one panel picture in frames taken from elsewhere."""
+    """Finds one panel picture in frames taken from elsewhere, or in such light that its anchors do not match."""
 
     def __init__(self, picture: GreyPicture) -> None:
         self._picture = picture
         self._known: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
-        self._found: OrderedDict[bytes, Matrix | None] = OrderedDict()
+        self._found: OrderedDict[bytes, Alignment | None] = OrderedDict()
 
     def find(self, frame: GreyPicture) -> Matrix | None:
-        """(3, 3): from the panel picture to the frame, to a few pixels; None if too little of it is visible.
+        """(3, 3): from the panel picture to the frame, to a few pixels; None if too little of it is visible."""
+        found = self.alignment(frame)
+        return None if found is None else found.matrix
+
+    def alignment(self, frame: GreyPicture) -> Alignment | None:
+        """Find the panel picture in a frame, and how surely; None if too little of it is visible.
 
         Results are cached, since a frame of a sample is looked at more than once, for half a second each time.
         """
         key = sha256(frame.tobytes()).digest()
         if key not in self._found:
             self._found[key] = self._sought(frame)
-            if len(self._found) > KEPT:
+            if len(self._found) > KEPT**2:  # of all frames that a flight is learned from
                 self._found.popitem(last=False)
         return self._found[key]
 
-    def _sought(self, frame: GreyPicture) -> Matrix | None:
+    def _sought(self, frame: GreyPicture) -> Alignment | None:
         if self._known is None:
             self._known = _features(self._picture)
         points, described = self._known
@@ -65,7 +71,23 @@ class SiftLocalizer:
         )
         if motion is None or int(agreeing.sum()) < MIN_AGREEING or not _is_plausible(motion, self._picture.shape):
             return None
-        return np.asarray(motion, np.float64)
+        kept = agreeing[:, 0].astype(bool)
+        here, seen = (each[kept].T.astype(np.float64) for each in (points[one], there[other]))
+        covariance = _covariance(np.asarray(motion, np.float64), here, seen)
+        return Alignment.of(motion, float(kept.mean())).with_covariance(covariance)
+
+
+def _covariance(motion: Matrix, points: Matrix, there: Matrix) -> MotionCovariance:
+    """Estimate the uncertainty of where a motion carries (2, N) points, by how far beside others they come.
+
+    A lens that bends and parts that are raised move whole neighbourhoods, so many tell no more than the fewest would.
+    """
+    axes = Frame2D.around(there)
+    rows = axes.jacobian(there, Model.PERSPECTIVE).reshape(-1, Model.PERSPECTIVE)
+    off_px2 = np.square(carried(motion, points) - there).sum() / Model.SHIFT / MIN_AGREEING
+    normal = rows.T @ rows  # nearly singular if they lie on a line
+    inverse = np.linalg.inv(normal + np.eye(len(normal)) * np.finfo(np.float64).eps * normal.trace())
+    return MotionCovariance(axes, Model.PERSPECTIVE, inverse * off_px2)
 
 
 def _features(picture: GreyPicture) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
