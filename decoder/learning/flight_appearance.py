@@ -9,20 +9,19 @@ the face behind it, so marks and numerals no longer pull at it.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, turn_rows
 from decoder.instruments.appearance import Instrument, LearnedPicture
 from decoder.instruments.kind_table import kind_of
-from decoder.instruments.missing import finds_more, is_lost
+from decoder.instruments.missing import is_lost
 from decoder.instruments.needle_learner import NeedleLearner, Readings
 from decoder.instruments.needle_lines import places_of
 from decoder.instruments.panel_reader import PanelReader
 from decoder.instruments.reading import Reading, Status
 from decoder.instruments.thresholds import APART_DEG, FRAMES_TO_LEARN, MIN_PLACES
-from decoder.learning.unexplained import found_by_motion, without_print
 from decoder.matching.faces import LitViews, in_light_of
 from decoder.panel.gauge import Gauge
 from decoder.panel.scale import FULL_CIRCLE_DEG
@@ -113,43 +112,6 @@ def kept_where_better(
         return learned, again
     learned = learn_appearance(reader, views, found, set(range(len(gauges))) - worse)
     return learned, read_sample(learned, samples)
-
-
-def learn_moving_needles(
-    reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
-) -> tuple[PanelReader, Sequence[Readings]]:
-    """Learn lost dials' only needles from where frames show that they moved; return the reader with its readings.
-
-    A needle that the panel picture shows over print, or hardly shows at all, cannot be found with what was cut there.
-    """
-    gauges, counted = reader.source.panel.gauges, without_print(reader, views, found)
-    moved: dict[int, Mapping[int, float]] = {}
-    for index, (gauge, grid, face) in enumerate(zip(gauges, reader.grids, reader.appearance.faces, strict=True)):
-        is_single = isinstance(grid, PolarGrid) and len(gauge.over_face) == 1 and gauge.combination is None
-        if is_single and is_lost(gauge, counted):
-            template = reader.appearance.templates[gauge.over_face[0].name]
-            moved[index] = found_by_motion(Instrument(index, gauge, grid, face), template, views[index])
-    moved = {index: angles_deg for index, angles_deg in moved.items() if angles_deg}
-    told = list(counted)
-    for index, angles_deg in moved.items():
-        name = gauges[index].over_face[0].name
-        told = [
-            {**each, name: replace(each[name], status=Status.READ, angle_deg=angles_deg[at])}
-            if at in angles_deg
-            else {**each, name: replace(each[name], status=Status.MISSING)}
-            for at, each in enumerate(told)
-        ]
-    while moved:
-        again = reader
-        for _ in range(2):  # at first only what shows within the outline of what was cut
-            again = learn_appearance(again, views, told, moved)
-            read = read_sample(again, samples)
-            now = without_print(again, views, read)
-            better = {index: own for index, own in moved.items() if finds_more(gauges[index], counted, now)}
-            if len(better) == len(moved):
-                return again, read
-        moved = better
-    return reader, found
 
 
 def learn_likely_needles(

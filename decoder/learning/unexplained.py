@@ -24,6 +24,7 @@ from decoder.imaging.unwrapping import (
     UnwrappedGauge,
     opposite_rows,
     row_of_angle,
+    rows_in_sweep,
     same_rows,
     turn_rows,
 )
@@ -94,10 +95,13 @@ def found_by_motion(
     By frame, the angle at which it stands, degrees; for frames in which a bar stands out. Empty if it moves too little.
     """
     shown = [at for at, strip in enumerate(strips) if strip is not None]
+    if len(shown) < FRAMES_TO_LEARN:
+        return {}
     seen = np.stack([strip for strip in strips if strip is not None])
-    outline = np.flatnonzero(needle.outline.any(axis=1))
-    bars = _bars((seen - median_of(seen))[..., dial.grid.tail_columns :], float(outline[-1] - outline[0]))
+    width = 2 * needle.half_width_deg / needle.step_deg
+    bars = _bars((seen - median_of(seen))[..., dial.grid.tail_columns :], width)
     usual = np.maximum(2 * BEYOND_CHANCE_SPREADS * np.quantile(np.abs(bars), 1.0 - HALF**2, axis=2), NOISE_LEVELS)
+    bars *= rows_in_sweep(dial.gauge, dial.grid)
     either = []
     for own in (bars, -bars):
         # The width that fits a bar best shows it most strongly. What is beside a bar seems half as much of one.
