@@ -19,7 +19,7 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.planes import DialPlane, Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
-from decoder.instruments.appearance import Instrument
+from decoder.instruments.appearance import Appearance, Instrument
 from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.kind_table import kind_of
 from decoder.instruments.missing import finds_more, is_lost, is_unread, missing_part
@@ -56,7 +56,7 @@ from decoder.learning.pivots import (
     estimate_pivots,
     lifts_missing,
 )
-from decoder.learning.seen_faces import least_at_home, may_be_lost, with_seen_faces, with_usual_dials
+from decoder.learning.seen_faces import least_at_home, may_be_lost, of_gauges, with_seen_faces, with_usual_dials
 from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
 from decoder.learning.unexplained import found_by_motion, mistaken_needles, unexplained_gauges, without_print
@@ -399,30 +399,35 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     views, found = lit_views(reader, samples), read_sample(reader, samples)
     reader, found = with_seen_faces(reader, views, found, lambda bared: read_sample(bared, samples))
     reader, found = with_usual_dials(reader, views, found, lambda usual: read_sample(usual, samples))
-    reader, found = _learn_moving_needles(reader, samples, views, found)
     reader, found = learn_hidden_looks(reader, samples, views, found)
     learned = learn_appearance(reader, views, found)
     missing = any(reading.status is Status.MISSING for readings in found for reading in readings.values())
     if reader.placement.dials_move or missing:  # then every tilt is used; else the fit's guess is good enough
         learned, found = kept_where_better(reader, learned, samples, views, found)
+    first = reader.appearance
     reader, found = learn_likely_needles(learned, samples, views, found)
-    reader, found = _learn_moving_needles(reader, samples, views, found)  # what was learned may be print
+    reader, found = _learn_moving_needles(reader, first, samples, views, found)
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
 
 
 def _learn_moving_needles(
-    reader: PanelReader, samples: Sequence[UnwrappedFrame], views: LitViews, found: Sequence[Readings]
+    reader: PanelReader,
+    first: Appearance,
+    samples: Sequence[UnwrappedFrame],
+    views: LitViews,
+    found: Sequence[Readings],
 ) -> tuple[PanelReader, Sequence[Readings]]:
     """Learn lost dials' only needles from where frames show that they moved; return the reader with its readings.
 
     A needle that the panel picture shows over print, or hardly shows at all, cannot be found with what was cut there.
+    Readings of print do not count, and what was learned from them gives way to what was known at `first`.
     """
     gauges, counted = reader.source.panel.gauges, without_print(reader, views, found)
     moved: dict[int, Mapping[int, float]] = {}
     for index, (gauge, grid, face) in enumerate(zip(gauges, reader.grids, reader.appearance.faces, strict=True)):
         is_single = isinstance(grid, PolarGrid) and len(gauge.over_face) == 1 and gauge.combination is None
         if is_single and is_lost(gauge, counted):
-            template = reader.appearance.templates[gauge.over_face[0].name]
+            template = first.templates[gauge.over_face[0].name]
             moved[index] = found_by_motion(Instrument(index, gauge, grid, face), template, views[index])
     moved = {index: angles_deg for index, angles_deg in moved.items() if angles_deg}
     told = list(counted)
@@ -435,7 +440,8 @@ def _learn_moving_needles(
             for at, each in enumerate(told)
         ]
     while moved:
-        again = reader
+        look = of_gauges(moved, gauges, reader.appearance, first.faces, first.templates)
+        again = reader.with_appearance(look)
         for _ in range(2):  # at first only what shows within the outline of what was cut
             again = learn_appearance(again, views, told, moved)
             read = read_sample(again, samples)

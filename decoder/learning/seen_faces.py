@@ -123,7 +123,7 @@ def with_usual_dials(reader: PanelReader, views: LitViews, found: Found, read: R
             dial = _Dial(gauge, grid, templates, own[index], faces[index], faces[index])
             templates |= {needle.name: _over(dial, faces[index], needle) for needle in needles}
     while wanted:
-        again = reader.with_appearance(_of_gauges(wanted, gauges, before, tuple(faces), templates))
+        again = reader.with_appearance(of_gauges(wanted, gauges, before, tuple(faces), templates))
         found_again = read(again)
         better = {index for index in wanted if finds_more(gauges[index], found, found_again)}
         if better == wanted:
@@ -132,7 +132,7 @@ def with_usual_dials(reader: PanelReader, views: LitViews, found: Found, read: R
     return reader, found
 
 
-def _of_gauges(
+def of_gauges(
     which: Collection[int],
     gauges: Sequence[Gauge],
     before: Appearance,

@@ -59,8 +59,8 @@ def fitted(gauge: dict[str, Any], panel: GreyPicture, frames: list[GreyPicture])
 
 @pytest.mark.parametrize(
     "hand",
-    [Hand(level=110.0), Hand(tip=45.0), Hand(root_half=8.0, tip_half=5.0)],
-    ids=["dim", "short", "wide"],
+    [Hand(level=110.0), Hand(tip=45.0)],
+    ids=["dim", "short"],
 )
 def test_print_drawn_as_a_needle_is_not_read_while_the_needle_moves(hand: Hand) -> None:
     """It matches itself perfectly in every frame, and only the rest of the dial tells that it is no needle."""
@@ -73,7 +73,9 @@ def test_print_drawn_as_a_needle_is_not_read_while_the_needle_moves(hand: Hand) 
 
 
 @pytest.mark.parametrize(
-    ("hand", "aside_px"), [(Hand(), 10.0), (Hand(level=44.0), 0.0)], ids=["another-pivot", "faint"]
+    ("hand", "aside_px"),
+    [(Hand(), 10.0), (Hand(level=44.0), 0.0), (Hand(root_half=8.0, tip_half=5.0), 0.0)],
+    ids=["another-pivot", "faint", "wide"],
 )
 def test_needle_that_was_learned_where_it_moves_is_not_read_if_it_is_not_where_it_was_drawn(
     hand: Hand, aside_px: float
@@ -88,10 +90,10 @@ def test_needle_that_was_learned_where_it_moves_is_not_read_if_it_is_not_where_i
     assert "from it in the panel picture" in " ".join(fit.findings["speed"])
 
 
-@pytest.mark.parametrize("level", [60.0, 80.0, 0.0], ids=["dim", "brighter", "darker"])
-def test_needle_that_the_panel_picture_shows_over_a_brighter_line_is_read(level: float) -> None:
+@pytest.mark.parametrize("beside_deg", [0.0, 2.0, 4.0])
+def test_dim_needle_that_the_panel_picture_shows_over_a_bright_line_is_read(beside_deg: float) -> None:
     """What was cut there is mostly the line, but frames show that something moves, and where."""
-    hand, at_deg = Hand(level=level), LINE_DEG + 2.0
+    hand, at_deg = Hand(level=60.0), LINE_DEG + beside_deg
     frames = [dial([(hand, deg)], 1 + at) for at, deg in enumerate(NEEDLE_DEG)]
     _, found = fitted(speed(at_deg), dial([(hand, at_deg)]), frames)
     assert [reading.status for reading in found] == [Status.READ] * FRAMES
