@@ -73,7 +73,7 @@ def test_needle_is_read_whichever_picture_its_panel_is_drawn_on(title: str, tmp_
     (source,) = (source for source in SOURCES if source.title == title)
     for manner, drawn in on_pictures_read(source, yaml_of(source.panel), tmp_path, 3):
         (read,) = reads(decode_source(drawn, tmp_path / manner))
-        assert read.read >= 0.9, manner
+        assert read.read >= 0.85, manner
         assert read.gross == 0, manner
 
 
