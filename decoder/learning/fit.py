@@ -319,7 +319,7 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
     lost = [index for index, gauge in enumerate(gauges) if may_be_lost(gauge, last.found)]
     before = last.found
     unread = frozenset(index for index in lost if is_unread(gauges[index], before))
-    missed = unread.union(index for index in lost if missing_part(gauges[index], before) * len(before) >= MIN_VIEWS)
+    missed = unread.union(index for index in lost if _is_missed_often(gauges[index], before))
     coloured = in_best_colours(placed, lost, missed, sample)
     # A quarter is enough: more may be missing because something else lies over the dial.
     wanted = [
@@ -344,6 +344,11 @@ def _best_begun(reader: PanelReader, sample: Sample, tell: Tell) -> tuple[_Recen
         del begun, last
         begun, last = again(kept, helpful)
     return begun, last
+
+
+def _is_missed_often(gauge: Gauge, found: Sequence[Readings]) -> bool:
+    """Whether the only needle of a dial is missing in several frames: one of more may be hidden by another."""
+    return len(gauge.over_face) == 1 and missing_part(gauge, found) * len(found) >= MIN_VIEWS
 
 
 def _squared_up_as_seen(reader: PanelReader, seen: Sequence[Squeeze | None]) -> PanelReader:
