@@ -67,15 +67,11 @@ def _equal_contrast(wanted: Floats, seen: Floats) -> tuple[float, float]:
 
 
 def _usual_ratio(wanted: Floats, seen: Floats) -> tuple[float, float]:
-    """Return the gain and offset of most marks: right under glare, but not where a card has turned.
-
-    Marks much fainter than the whole of the gauge has become are gone, as where a bar no longer covers half of it.
-    """
+    """Return the gain and offset of most marks: right under glare, but not where a card has turned."""
     own, usual = float(median(seen)), float(median(wanted))
     is_mark = np.abs(wanted - usual) > wanted.std()
     ratio = float(np.median((seen[is_mark] - own) / (wanted[is_mark] - usual))) if is_mark.any() else 1.0
-    least = MIN_LIGHT_GAIN * min(1.0, float(seen.std() / wanted.std()))
-    gain = 1.0 / ratio if ratio > least else 1.0
+    gain = 1.0 / ratio if ratio > 0.0 else 1.0
     return gain, usual - gain * own
 
 
