@@ -25,6 +25,13 @@ def missing_part(gauge: Gauge, found: Sequence[Readings]) -> float:
     return max(_missing_parts(gauge, found), default=0.0)
 
 
+def mostly_missing(found: Sequence[Readings]) -> frozenset[str]:
+    """List the values that are missing in most frames."""
+    return frozenset(
+        name for name in found[0] if sum(own[name].status is Status.MISSING for own in found) > HALF * len(found)
+    )
+
+
 def finds_more(gauge: Gauge, before: Sequence[Readings], after: Sequence[Readings]) -> bool:
     """Whether fewer values of a gauge are missing than before, and none is lost, or fewer than before.
 

@@ -18,11 +18,11 @@ from decoder.imaging.panel_pictures import PanelPictures
 from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.planes import DialPlane, Squeeze
 from decoder.imaging.thresholds import HALF
-from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
+from decoder.imaging.unwrapping import UnwrappedGauge
 from decoder.instruments.appearance import Appearance, Instrument
 from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.kind_table import kind_of
-from decoder.instruments.missing import finds_more, is_lost, is_unread, missing_part
+from decoder.instruments.missing import finds_more, is_lost, is_unread, missing_part, mostly_missing
 from decoder.instruments.needle_learner import Readings
 from decoder.instruments.panel_reader import PanelReader, appearance_from_panel, unwrapped
 from decoder.instruments.reading import Reading, Status
@@ -38,6 +38,7 @@ from decoder.learning.drawn_points import (
     uneven_deg,
 )
 from decoder.learning.flight_appearance import (
+    as_likely,
     kept_where_better,
     learn_appearance,
     learn_hidden_looks,
@@ -59,7 +60,13 @@ from decoder.learning.pivots import (
 from decoder.learning.seen_faces import least_at_home, may_be_lost, of_gauges, with_seen_faces, with_usual_dials
 from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.learning.uncertainty import QuantityUncertainty, quantity_uncertainties
-from decoder.learning.unexplained import found_by_motion, mistaken_needles, unexplained_gauges, without_print
+from decoder.learning.unexplained import (
+    mistaken_needles,
+    needles_by_motion,
+    unexplained_gauges,
+    with_moved,
+    without_print,
+)
 from decoder.matching.faces import LitViews
 from decoder.matching.thresholds import FAR_PART, MIN_VIEWS, REACH_PART
 from decoder.panel.arrays import Floats
@@ -101,6 +108,8 @@ class FittedReader:
         Gauges whose pivots did not converge.
     unexplained
         Gauges on which something moves that their needles do not explain.
+    by_motion
+        Needles learned from where the flight shows that they moved.
     squeezes
         For each gauge in the panel's order, how the view squeezes it, if it was squared up; else None.
     allowed
@@ -117,6 +126,7 @@ class FittedReader:
     moved_px: Mapping[str, tuple[float, float]]
     unsettled: tuple[str, ...]
     unexplained: frozenset[str]
+    by_motion: frozenset[str]
     squeezes: tuple[Squeeze | None, ...]
     allowed: tuple[Squeeze | None, ...]
     has_points: bool
@@ -170,6 +180,11 @@ class FittedReader:
                     f" {mistaken[needle.name]:.0f} degrees from it in the panel picture; has the needle a `tail`?"
                     " Does its template hold all of its tip?"
                 )
+            elif needle.name in self.by_motion:
+                yield (
+                    f"{needle.name} was learned from where the flight shows that it moved, since as drawn it is not"
+                    " found: choose a panel picture that shows it clearly"
+                )
             own, template = self.uncertainties[needle.name], self.reader.appearance.templates.get(needle.name)
             if template is not None and own.beside_deg > own.drawn_deg:
                 way = "clockwise" if template.beside_deg > 0.0 else "anticlockwise"
@@ -214,11 +229,15 @@ def _upright(gauge: Gauge, squeeze: Squeeze | None) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Round:
-    """The result of a round: the reader that has learned, its readings by frame, and the pivots by gauge."""
+    """The result of a round: the reader that has learned, its readings by frame, and the pivots by gauge.
+
+    `by_motion` are the needles that were learned from where they moved.
+    """
 
     reader: PanelReader
     found: Sequence[Mapping[str, Reading]]
     pivots: tuple[Pivot, ...]
+    by_motion: frozenset[str]
 
 
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
@@ -275,6 +294,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         moved_px={gauge.name: _beside(drawn, gauge) for drawn, gauge, path, _ in parts if path.was_moved},
         unsettled=tuple(gauge.name for _, gauge, path, pivot in parts if path.was_moved and not path.is_right(pivot)),
         unexplained=frozenset(unexplained),
+        by_motion=last.by_motion,
         squeezes=_corrected(last.reader.source),
         allowed=allowed,
         has_points=log_odds > 0.0,
@@ -411,8 +431,8 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
         learned, found = kept_where_better(reader, learned, samples, views, found)
     first = reader.appearance
     reader, found = learn_likely_needles(learned, samples, views, found)
-    reader, found = _learn_moving_needles(reader, first, samples, views, found)
-    return _Round(reader, found, estimate_pivots(reader, samples, found, paths))
+    reader, found, by_motion = _learn_moving_needles(reader, first, samples, views, found)
+    return _Round(reader, found, estimate_pivots(reader, samples, found, paths), by_motion)
 
 
 def _learn_moving_needles(
@@ -421,29 +441,20 @@ def _learn_moving_needles(
     samples: Sequence[UnwrappedFrame],
     views: LitViews,
     found: Sequence[Readings],
-) -> tuple[PanelReader, Sequence[Readings]]:
-    """Learn lost dials' only needles from where frames show that they moved; return the reader with its readings.
+) -> tuple[PanelReader, Sequence[Readings], frozenset[str]]:
+    """Learn needles that are lost from where frames show that they moved.
 
     A needle that the panel picture shows over print, or hardly shows at all, cannot be found with what was cut there.
     Readings of print do not count, and what was learned from them gives way to what was known at `first`.
+
+    Returns
+    -------
+    The reader, its readings, and the names of the needles.
     """
     gauges, counted = reader.source.panel.gauges, without_print(reader, views, found)
-    moved: dict[int, Mapping[int, float]] = {}
-    for index, (gauge, grid, face) in enumerate(zip(gauges, reader.grids, reader.appearance.faces, strict=True)):
-        is_single = isinstance(grid, PolarGrid) and len(gauge.over_face) == 1 and gauge.combination is None
-        if is_single and is_lost(gauge, counted):
-            template = first.templates[gauge.over_face[0].name]
-            moved[index] = found_by_motion(Instrument(index, gauge, grid, face), template, views[index])
-    moved = {index: angles_deg for index, angles_deg in moved.items() if angles_deg}
-    told = list(counted)
-    for index, angles_deg in moved.items():
-        name = gauges[index].over_face[0].name
-        told = [
-            {**each, name: replace(each[name], status=Status.READ, angle_deg=angles_deg[at])}
-            if at in angles_deg
-            else {**each, name: replace(each[name], status=Status.MISSING)}
-            for at, each in enumerate(told)
-        ]
+    likely = without_print(reader, views, as_likely(gauges, found))
+    moved = needles_by_motion(reader, first.templates, views, likely)
+    told = with_moved(likely, moved.values())
     while moved:
         look = of_gauges(moved, gauges, reader.appearance, first.faces, first.templates)
         again = reader.with_appearance(look)
@@ -453,9 +464,9 @@ def _learn_moving_needles(
             now = without_print(again, views, read)
             better = {index: own for index, own in moved.items() if finds_more(gauges[index], counted, now)}
             if len(better) == len(moved):
-                return again, read
+                return again, read, frozenset(own.name for own in moved.values())
         moved = better
-    return reader, found
+    return reader, found, frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -551,7 +562,8 @@ def _around_pivots(
 
 def _completed(last: _Round, unexplained: Mapping[str, frozenset[str]]) -> PanelReader:
     """Mark needles in the reader of which some matches are doubtful, or all."""
-    doubted, least = _doubted(last.found), dict[str, float]()
+    doubted = mostly_missing(last.found) if len(last.found) >= FRAMES_TO_LEARN else frozenset[str]()
+    least = dict[str, float]()
     for gauge in last.reader.source.panel.gauges:
         least |= least_at_home(gauge, last.found)
     likely_print = frozenset(mistaken_needles(last.reader)).union(*unexplained.values())
@@ -559,17 +571,6 @@ def _completed(last: _Round, unexplained: Mapping[str, frozenset[str]]) -> Panel
         return last.reader
     return last.reader.with_appearance(
         replace(last.reader.appearance, doubted=doubted, least_at_home=least, likely_print=likely_print)
-    )
-
-
-def _doubted(found: Sequence[Mapping[str, Reading]]) -> frozenset[str]:
-    """List the needles that are missing in most of the sampled frames; none if there are too few frames."""
-    if len(found) < FRAMES_TO_LEARN:
-        return frozenset()
-    return frozenset(
-        name
-        for name in found[0]
-        if sum(readings[name].status is Status.MISSING for readings in found) > HALF * len(found)
     )
 
 

@@ -126,7 +126,7 @@ def learn_likely_needles(
     gauges = reader.source.panel.gauges
     of = {index for index, gauge in enumerate(gauges) if isinstance(reader.grids[index], PolarGrid)}
     while True:
-        likely = _as_likely(gauges, found)
+        likely = as_likely(gauges, found)
         of = {index for index in of if _missing(gauges[index], found) > _missing(gauges[index], likely)}
         if not of:
             return reader, found
@@ -160,7 +160,7 @@ def learn_hidden_looks(
     return reader, read_sample(reader, samples)
 
 
-def _as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:
+def as_likely(gauges: Sequence[Gauge], found: Sequence[Readings]) -> list[Readings]:
     """Treat missing needles with likely matches as EDGE or, on a lost gauge, as READ to teach.
 
     What matches less well there teaches only if it is found at several places: at few, it may be print.

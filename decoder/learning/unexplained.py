@@ -9,7 +9,7 @@ as the flight taught it, whether from print, from a tail or from another hand, m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Self
@@ -30,6 +30,7 @@ from decoder.imaging.unwrapping import (
 )
 from decoder.instruments.appearance import Instrument
 from decoder.instruments.found import Needle, all_above
+from decoder.instruments.missing import mostly_missing
 from decoder.instruments.needle_learner import Readings
 from decoder.instruments.needle_lines import places_of
 from decoder.instruments.panel_reader import PanelReader
@@ -75,39 +76,90 @@ def without_print(reader: PanelReader, views: LitViews, found: Sequence[Readings
     ]
 
 
-def found_by_motion(
-    dial: Instrument, needle: NeedleTemplate, strips: Sequence[UnwrappedGauge | None]
-) -> Mapping[int, float]:
-    """Find a dial's only needle where frames differ from their median by a bar along a radius, brighter or darker.
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """A needle that was found by its motion: its angle by frame, degrees."""
 
-    This needs no picture of the needle, only its width. If it mostly rests at one place, the median shows it there, and
-    every other frame differs there, too, but always at that place.
+    name: str
+    angles_deg: Mapping[int, float]
+
+
+def needles_by_motion(
+    reader: PanelReader, cut: Mapping[str, NeedleTemplate], views: LitViews, found: Sequence[Readings]
+) -> Mapping[int, Moving]:
+    """Find needles that alone are lost on their dials where frames differ from their median by a bar along a radius.
+
+    This needs no picture of a needle, only its width. If it mostly rests at one place, the median shows it there, and
+    every other frame differs there, too, but always at that place. Bars at the dial's other needles are theirs. Hands
+    that show one value are left out.
 
     Parameters
     ----------
-    needle
-        From the panel picture.
-    strips
-        The dial in frames, all in the same light; None where a frame does not show it.
+    cut
+        Needles from the panel picture, by name.
+    views
+        By gauge and frame, from `lit_views`.
+    found
+        For each frame, the readings in it.
 
     Returns
     -------
-    By frame, the angle at which it stands, degrees; for frames in which a bar stands out. Empty if it moves too little.
+    By the gauge's index, for gauges of which enough frames show a bar that stands out, and it moves far enough.
     """
-    shown = [at for at, strip in enumerate(strips) if strip is not None]
-    if len(shown) < FRAMES_TO_LEARN:
+    if len(found) < FRAMES_TO_LEARN:
         return {}
-    seen = np.stack([strip for strip in strips if strip is not None])
-    width = 2 * needle.half_width_deg / needle.step_deg
-    bars = _bars((seen - median_of(seen))[..., dial.grid.tail_columns :], width)
+    missing, moving = mostly_missing(found), dict[int, Moving]()
+    for dial, needles in _dials(reader):
+        lost = [needle for needle in needles if needle.name in missing]
+        if len(lost) == 1:
+            others = [needle for needle in needles if needle not in lost]
+            known = {
+                at: (view, readings)
+                for at, (view, readings) in enumerate(zip(views[dial.index], found, strict=True))
+                if view is not None and all(readings[other.name].is_seen for other in others)
+            }
+            angles_deg = _found_by_motion(dial, cut[lost[0].name], others, known)
+            if angles_deg:
+                moving[dial.index] = Moving(lost[0].name, angles_deg)
+    return moving
+
+
+def with_moved(found: Sequence[Readings], moving: Iterable[Moving]) -> Sequence[Readings]:
+    """Return readings in which needles found by their motion are read where they were found, and missing elsewhere."""
+    told = list(found)
+    for name, angles_deg in ((own.name, own.angles_deg) for own in moving):
+        for at, readings in enumerate(told):
+            own = readings[name]
+            there = (
+                replace(own, status=Status.READ, angle_deg=angles_deg[at])
+                if at in angles_deg
+                else replace(own, status=Status.MISSING)
+            )
+            told[at] = {**readings, name: there}
+    return told
+
+
+def _found_by_motion(
+    dial: Instrument,
+    needle: NeedleTemplate,
+    others: Sequence[Needle],
+    known: Mapping[int, tuple[UnwrappedGauge, Readings]],
+) -> Mapping[int, float]:
+    """Return the angles of a needle by frame, from frames in which all others on its dial are known."""
+    if len(known) < FRAMES_TO_LEARN:
+        return {}
+    seen = np.stack([view for view, _ in known.values()])
+    is_apart = np.array([_is_apart(dial, others, readings) for _, readings in known.values()])
+    moving = np.where(is_apart[..., None], seen - median_of(seen), 0.0)[..., dial.grid.tail_columns :]
+    bars = _bars(moving, 2 * needle.half_width_deg / needle.step_deg)
     usual = np.maximum(2 * BEYOND_CHANCE_SPREADS * np.quantile(np.abs(bars), 1.0 - HALF**2, axis=2), NOISE_LEVELS)
-    bars *= rows_in_sweep(dial.gauge, dial.grid)
+    bars *= rows_in_sweep(dial.gauge, dial.grid) & is_apart
     either = []
     for own in (bars, -bars):
         # The width that fits a bar best shows it most strongly. What is beside a bar seems half as much of one.
         levels = np.where(own > usual[..., None], own, 0.0).max(axis=0)
         angles_deg = {
-            at: dial.grid.angle_deg(float(each.argmax())) for at, each in zip(shown, levels, strict=True) if each.any()
+            at: dial.grid.angle_deg(float(each.argmax())) for at, each in zip(known, levels, strict=True) if each.any()
         }
         if len(angles_deg) >= FRAMES_TO_LEARN and places_of(angles_deg.values()) > MIN_PLACES:
             either.append((float(levels.max(axis=1).sum()), angles_deg))
@@ -149,26 +201,32 @@ def _mistaken(reader: PanelReader) -> Iterator[tuple[str, float]]:
 def _unexplained(
     reader: PanelReader, views: LitViews, found: Sequence[Readings]
 ) -> Iterator[tuple[str, frozenset[str]]]:
-    parts = zip(reader.source.panel.gauges, reader.grids, reader.appearance.faces, views, strict=True)
-    for index, (gauge, grid, face, own) in enumerate(parts):
-        if not isinstance(grid, PolarGrid) or not gauge.over_face or gauge.combination is not None:
-            continue
-        dial = Instrument(index, gauge, grid, face)
-        needles = [
-            Needle(each.name, index, gauge, grid, face, reader.appearance.templates[each.name])
-            for each in gauge.over_face
-        ]
+    for dial, needles in _dials(reader):
         shown = [
             (view, readings)
-            for view, readings in zip(own, found, strict=True)
+            for view, readings in zip(views[dial.index], found, strict=True)
             if view is not None and all(readings[needle.name].is_seen for needle in needles)
         ]
         if len(shown) >= FRAMES_TO_LEARN:
             bars = _Bars.of(dial, needles, shown)
             if bars.are_unexplained:
-                rows = [[row_of_angle(grid, own[needle.name].angle_deg) for _, own in shown] for needle in needles]
+                rows = [[row_of_angle(dial.grid, own[needle.name].angle_deg) for _, own in shown] for needle in needles]
                 pairs = zip(needles, rows, strict=True)
-                yield gauge.name, frozenset(each.name for each, at in pairs if not bars.show(each, np.array(at)))
+                yield dial.gauge.name, frozenset(each.name for each, at in pairs if not bars.show(each, np.array(at)))
+
+
+def _dials(reader: PanelReader) -> Iterator[tuple[Instrument, Sequence[Needle]]]:
+    """Iterate over the dials with needles over their faces that each show a value of their own."""
+    known = reader.appearance
+    for index, (gauge, grid, face) in enumerate(
+        zip(reader.source.panel.gauges, reader.grids, known.faces, strict=True)
+    ):
+        if isinstance(grid, PolarGrid) and gauge.over_face and gauge.combination is None:
+            dial = Instrument(index, gauge, grid, face)
+            yield (
+                dial,
+                [Needle(own.name, index, gauge, grid, face, known.templates[own.name]) for own in gauge.over_face],
+            )
 
 
 @dataclass(frozen=True, slots=True)
