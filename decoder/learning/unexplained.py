@@ -202,17 +202,16 @@ def _unexplained(
     reader: PanelReader, views: LitViews, found: Sequence[Readings]
 ) -> Iterator[tuple[str, frozenset[str]]]:
     for dial, needles in _dials(reader):
+        # One that is hidden is drawn, too: if it stands elsewhere, something is left there.
         shown = [
             (view, readings)
             for view, readings in zip(views[dial.index], found, strict=True)
-            if view is not None and all(readings[needle.name].is_seen for needle in needles)
+            if view is not None and all(readings[needle.name].status is not Status.MISSING for needle in needles)
         ]
         if len(shown) >= FRAMES_TO_LEARN:
             bars = _Bars.of(dial, needles, shown)
             if bars.are_unexplained:
-                rows = [[row_of_angle(dial.grid, own[needle.name].angle_deg) for _, own in shown] for needle in needles]
-                pairs = zip(needles, rows, strict=True)
-                yield dial.gauge.name, frozenset(each.name for each, at in pairs if not bars.show(each, np.array(at)))
+                yield dial.gauge.name, frozenset(each.name for each in needles if not bars.show(each, shown))
 
 
 def _dials(reader: PanelReader) -> Iterator[tuple[Instrument, Sequence[Needle]]]:
@@ -267,8 +266,12 @@ class _Bars:
         stands_out = (most > np.maximum(2 * BEYOND_CHANCE_SPREADS * usual, NOISE_LEVELS)).any(axis=0)
         return bool(stands_out.mean() > MOSTLY)
 
-    def show(self, needle: Needle, rows: Floats) -> bool:
-        """Whether a needle moves, or some frames, and more than not, show that it has moved to its rows (F,)."""
+    def show(self, needle: Needle, shown: Sequence[tuple[UnwrappedGauge, Readings]]) -> bool:
+        """Whether a needle is mostly seen, and moves, or some frames, and more than not, show that it has moved."""
+        own = [readings[needle.name] for _, readings in shown]
+        if sum(reading.is_seen for reading in own) <= HALF * len(own):
+            return False
+        rows = np.array([row_of_angle(needle.grid, reading.angle_deg) for reading in own])
         if (np.abs(rows - np.median(rows)) * needle.template.step_deg > APART_DEG).any():
             return True
         reach = math.ceil(needle.half_width_rows)

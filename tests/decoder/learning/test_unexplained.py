@@ -135,6 +135,25 @@ def test_needle_in_another_light_than_in_the_panel_picture_is_read_beside_anothe
     assert max(apart(reading.angle_deg, deg) for reading, deg in zip(found, NEEDLE_DEG, strict=True)) < 0.5
 
 
+def test_needle_is_not_taken_for_hidden_in_every_frame_while_it_shows_elsewhere() -> None:
+    """A lower needle that was cut badly is found nowhere, which alone does not say that it lies under the upper one."""
+    low_deg, high_deg = 300.0 + 4.0 * np.sin(2.1 * np.arange(FRAMES)), NEEDLE_DEG.copy()
+    high_deg[6] = low_deg[6] + 10.0
+    own = speed(float(low_deg[6]))
+    own["needles"][0]["covered_by"] = "power_pct"
+    own["needles"] += [{"name": "power_pct", "template": {"at": float(high_deg[6]), "span": 16}}]
+    low, high = Hand(level=60.0), Hand(tip_half=1.0)
+    frames = [
+        dial([(low, one), (high, two)], 1 + at) for at, (one, two) in enumerate(zip(low_deg, high_deg, strict=True))
+    ]
+    fit, found = fitted(own, frames[6], frames)
+    valued = [
+        (reading, deg) for reading, deg in zip(found, low_deg, strict=True) if reading.status is not Status.MISSING
+    ]
+    assert all(apart(reading.angle_deg, deg) < 10.0 for reading, deg in valued)
+    assert valued or "none of its needles" in " ".join(fit.findings["speed"])
+
+
 def test_needle_is_read_beside_another_that_was_not_drawn() -> None:
     """It moves itself, so it is no print, though something else does too."""
     other = Hand(level=150.0, root_half=7.0, tip_half=7.0)
