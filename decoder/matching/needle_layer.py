@@ -123,10 +123,7 @@ def layer_over(pixels: Floats, behind: Floats, step_deg: float) -> NeedleTemplat
 
 
 def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Floats:
-    """Bring cuts (K, H, C) into the light that they usually have there, since light falls unevenly on a dial.
-
-    How bright they usually are, only they tell: the template may be of print, or of the needle in a glint.
-    """
+    """Bring cuts (K, H, C) into the light that the template expects there, since light falls unevenly on a dial."""
     flat = cuts.reshape(len(cuts), -1)
     weights = template.trust.ravel()
     total = weights.sum()
@@ -136,10 +133,7 @@ def in_local_light(cuts: Floats, template: NeedleTemplate, behind: Floats) -> Fl
     weighted = wanted * weights
     energy = np.einsum("kx,kx->k", weighted, wanted)[:, None]
     gain = np.einsum("kx,kx->k", flat - mean, weighted)[:, None] / np.maximum(energy, 1e-6)
-    usual = float(np.median(gain))
-    part = np.maximum(gain / usual, MIN_LIGHT_GAIN) if usual >= MIN_LIGHT_GAIN else np.float32(1.0)
-    level = expected_mean + np.median(mean - expected_mean)
-    like: Floats = ((flat - mean) / part + level).astype(np.float32)
+    like: Floats = ((flat - mean) / np.maximum(gain, MIN_LIGHT_GAIN) + expected_mean).astype(np.float32)
     return like.reshape(cuts.shape)
 
 
