@@ -21,7 +21,9 @@ import cv2
 import numpy as np
 
 from decoder.imaging.motion import jacobian
+from decoder.imaging.optics import Optics
 from decoder.imaging.panel_pictures import PanelPictures
+from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import Squeeze
 from decoder.imaging.resampling import levels_at
 from decoder.imaging.thresholds import HALF
@@ -73,6 +75,18 @@ def squeezes_seen(source: PanelPictures) -> tuple[Squeeze | None, ...]:
         alone = {index: _squeeze_of_marks(source, index) or each.sure for index, each in seen.items()}
         squeezes = {index: own for index, own in alone.items() if own is not None and own.part > MOST_MARK_PART}
     return tuple(squeezes.get(index) if is_wanted else None for index, is_wanted in enumerate(wanted))
+
+
+def squeeze_shown(picture: GreyPicture, optics: Optics, centre: Floats, radius_px: float) -> Squeeze:
+    """Return the squeeze in which most of what shows around a place are circles, sure or not.
+
+    Parameters
+    ----------
+    centre : (2,) px of the picture without distortion
+    """
+    circles = _Circles.of(picture, optics, centre, radius_px)
+    _, squeeze = circles.best(circles.around(np.zeros(2))[1])
+    return _squeeze(squeeze, AGREEING)
 
 
 def _is_dial(gauge: Gauge) -> bool:
@@ -129,7 +143,7 @@ class _Seen:
             seen = jacobian(plane.matrix, (0.0, 0.0))
             (known,) = _parts((seen @ seen.T)[None])
             return cls(place, known, 1.0, 0.0, lambda squeeze: float(_agreement(squeeze - known)))
-        circles = _Circles.of(source, centre, gauge.radius[1])
+        circles = _Circles.of(source.picture, source.optics, centre, gauge.radius[1])
         share_square_on, middle = circles.around(np.zeros(2))
         share, squeeze = circles.best(middle)
         return cls(place, squeeze, share, share_square_on, lambda squeeze: circles.around(squeeze)[0])
@@ -236,13 +250,13 @@ class _Circles:
     picture: Floats
 
     @classmethod
-    def of(cls, source: PanelPictures, centre: Floats, radius_px: float) -> Self:
-        """Cut it out of the panel picture, without the lens's distortion."""
+    def of(cls, source: GreyPicture, optics: Optics, centre: Floats, radius_px: float) -> Self:
+        """Cut it out of a picture, without the lens's distortion."""
         fine = int(limited(np.ceil(radius_px / RADIUS_PX), 1, FINEST))
         reach = math.ceil(RADIUS_PX * (1.0 + REACH) * CIRCLES[-1])
         ticks = np.arange(-reach, reach + 1, 1 / fine) * (radius_px / RADIUS_PX)
         points = np.stack(np.meshgrid(*(at + ticks for at in centre)), axis=-1).astype(np.float32)
-        levels = levels_at(source.picture, source.optics.own.places(points)).reshape(points.shape[:2])
+        levels = levels_at(source, optics.own.places(points)).reshape(points.shape[:2])
         size = len(ticks) // fine
         picture = cv2.resize(levels.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA)
         return cls(np.asarray(picture, np.float32))

@@ -282,8 +282,9 @@ def _of_other(
     """Estimate it for anything but a needle; an error in drawing a zero of its own affects all values alike."""
     dial = replace(dial, bowed=quantity if quantity.bow_per_deg else None)
     if quantity.has_drawn_zero or quantity.has_upright_zero:
-        zero_deg = _hand_deg(gauge, care) if quantity.has_drawn_zero else view.rolled_deg
-        return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, zero_deg))
+        hand_deg = _hand_deg(gauge, care) if quantity.has_drawn_zero else 0.0
+        rolled_deg = view.rolled_deg if quantity.has_upright_zero else 0.0
+        return replace(dial, drawn_deg=math.hypot(dial.drawn_deg, hand_deg, rolled_deg))
     return replace(_of_shift(dial, path, care), stretched_part=view.along_part) if quantity.is_shift else dial
 
 

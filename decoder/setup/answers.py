@@ -19,7 +19,6 @@ from decoder.instruments.reading import Status
 from decoder.learning.fit import reader_from_panel
 from decoder.panel.errors import PanelError, PictureError
 from decoder.panel.gauge import KINDS, Gauge
-from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.panel.vocabulary import Method
 from decoder.setup.dial_edges import Rim, Ring, around_hub, begun, centre_doubt_px, mark_angle_deg, refined
 from decoder.setup.drafts import Stale
@@ -84,7 +83,7 @@ def rim_answer(session: SetupSession, asked: RimQuestion) -> Answer:
         clicks, hub = asked.points[:3], asked.points[3:]
         if hub:
             return _rim(around_hub(planes, clicks, hub[0]))
-        doubt_px = CONFIDENCE_SIGMAS * centre_doubt_px(planes, clicks)
+        doubt_px = centre_doubt_px(picture, planes, clicks)
         return {"doubt_px": round(doubt_px)} if doubt_px > MAX_MOVE_PX else _rim(begun(picture, planes, clicks))
     ring = Ring(planes.drawn(asked.ring.centre, asked.ring.rim), asked.ring.radius)
     return _rim(refined(picture, planes, ring, asked.points))

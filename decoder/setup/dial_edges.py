@@ -22,8 +22,11 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.resampling import levels_at
 from decoder.imaging.thresholds import HALF
+from decoder.learning.obliqueness import USUAL_LENS, squeeze_shown
+from decoder.learning.thresholds import MOST_MARK_PART
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
+from decoder.panel.thresholds import CONFIDENCE_SIGMAS
 from decoder.registration.thresholds import NOISE_LEVELS
 from decoder.setup.drawn_plane import XY, DrawnPlane, Planes, mean_radius_px, rim_of
 from decoder.setup.thresholds import (
@@ -289,8 +292,11 @@ def begun(picture: GreyPicture, planes: Planes, clicks: Sequence[XY]) -> Rim:
     return _kept(planes, circle, oblique=False)
 
 
-def centre_doubt_px(planes: Planes, clicks: Sequence[XY]) -> float:
-    """Estimate how uncertain three clicks on a rim, each slightly off, leave its centre, one sigma.
+def centre_doubt_px(picture: GreyPicture, planes: Planes, clicks: Sequence[XY]) -> float:
+    """Estimate how far off three clicks on a rim may leave its centre, with the usual confidence.
+
+    Each may be slightly off; and where the plane is unknown, the dial may be seen from aside, as its circles show. Its
+    hub then does not appear in the middle of the circle through three places of an ellipse, nor quite in the ellipse's.
 
     Raises
     ------
@@ -301,7 +307,22 @@ def centre_doubt_px(planes: Planes, clicks: Sequence[XY]) -> float:
     across, along = circle.drawn.to_dial(np.array(clicks, np.float64).T)
     design = ring_design(np.arctan2(along, across), Freedom.CIRCLE)
     covariance = np.linalg.inv(design.T @ design)
-    return LIKELY_PX * math.sqrt(float(np.trace(covariance[:2, :2])))
+    clicked_px = CONFIDENCE_SIGMAS * LIKELY_PX * math.sqrt(float(np.trace(covariance[:2, :2])))
+    return math.hypot(clicked_px, _aside_px(picture, planes, clicks, circle))
+
+
+def _aside_px(picture: GreyPicture, planes: Planes, clicks: Sequence[XY], circle: Ring) -> float:
+    """Estimate how far off the centre of a circle through clicks is if the dial is seen as its circles show."""
+    if planes.inches is not None:
+        return 0.0
+    (width, _), centre = planes.optics.size_px, np.array(circle.centre)
+    squeeze = squeeze_shown(picture, planes.optics, centre, circle.radius_px)
+    if squeeze.part <= MOST_MARK_PART:
+        return 0.0
+    matrix = np.eye(3)
+    matrix[:2] = np.column_stack([squeeze.matrix, centre])
+    moved_px = math.dist(circle_through(DrawnPlane(DialPlane.of(matrix)), clicks).centre, circle.centre)
+    return moved_px + circle.radius_px**2 * squeeze.obliqueness / (width * math.exp(USUAL_LENS[0]))
 
 
 def around_hub(planes: Planes, clicks: Sequence[XY], hub: XY) -> Rim:

@@ -95,6 +95,19 @@ def test_one_number_is_enough_all_the_way_round(start: Start, open_page: OpenPag
     expect(page.locator(f'[id="f:{path}.scale[1][1]"]')).to_have_value("3000")
 
 
+def test_marks_that_stand_between_round_values_are_asked_for(start: Start, open_page: OpenPage) -> None:
+    """As on a dial seen from aside: there a value is no more than likely, and nobody checks what was filled in."""
+    page = open_page(start())
+    ends(page, 150.0, 237.5, 359.5)
+    page.locator("button[data-usual='heading']").click()
+    expect(page.locator(f"{VALUE}:focus")).to_have_count(1)
+    typed(page, "30")
+    assert values(page) == ["30", "", "240"]
+    expect(page.locator(f"{VALUE}:focus")).to_have_attribute("placeholder", "120?")
+    typed(page, "")
+    assert values(page) == ["30", "120", "240"]
+
+
 def test_a_balls_way_is_clicked(start: Start, open_page: OpenPage) -> None:
     """Each click puts a place at the end of the list, and the keys that follow are its value."""
     page = open_page(start())

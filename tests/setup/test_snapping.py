@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 from decoder.imaging.alignment import IDENTITY
 from decoder.imaging.optics import Optics
 from decoder.panel.errors import PictureError
-from decoder.setup.dial_edges import Freedom, Ring, begun, circle_through, fitted_ring, mark_angle_deg, refined
+from decoder.setup.dial_edges import (
+    Freedom,
+    Ring,
+    begun,
+    centre_doubt_px,
+    circle_through,
+    fitted_ring,
+    mark_angle_deg,
+    refined,
+)
 from decoder.setup.drawn_plane import DrawnPlane, Planes
 from decoder.setup.proposals import Dial, Pictures, needle_at, proposed, turning_px
+from decoder.setup.thresholds import MAX_MOVE_PX
 
 Picture = NDArray[np.uint8]
 CENTRE, RING_PX = (80.3, 79.6), 50.0
@@ -217,3 +227,20 @@ def test_any_mark_on_any_ground_has_an_angle(ground: int, mark: int, beside_px: 
     angle_deg = mark_angle_deg(picture, HERE, (130.0, 80.0))
 
     assert abs((angle_deg + 180.0) % 360.0 - 180.0) < 8.0
+
+
+@pytest.mark.parametrize("needle_deg", [10.0, 200.0])
+def test_a_dial_seen_from_aside_leaves_its_centre_in_doubt_by_as_much(needle_deg: float) -> None:
+    """A circle through three places of an ellipse lies about another point; square on, the same three tell it well."""
+
+    def doubt_px(lean: Lean) -> tuple[float, float]:
+        ends = [around(angle, RING_PX, lean) for angle in (120.0, 225.0, 15.0)]
+        beside_px = math.dist(circle_through(FLAT, ends).centre, CENTRE)
+        return centre_doubt_px(dial(needle_deg, lean=lean), BLIND, ends), beside_px
+
+    square_on_px, nothing_px = doubt_px(UPRIGHT)
+    aside_px, beside_px = doubt_px(LEANING)
+
+    assert nothing_px < 1e-6
+    assert square_on_px < MAX_MOVE_PX
+    assert aside_px > max(beside_px, MAX_MOVE_PX)

@@ -21,8 +21,8 @@ class Card(Plain, Strict):
 
     name: Name
     """Column of the flight data, as of a needle."""
-    index: Degrees
-    """The angle on the dial at which it is read."""
+    index: Degrees = UP_DEG
+    """The angle on the dial at which it is read; straight up in the panel picture if left out."""
     ring: Positive | None = None
     """Of a card under needles: from so far outwards its marks lie, pixels; without it they lie in all of `radius`."""
     max_rate: Positive | None = None
@@ -33,10 +33,10 @@ class Card(Plain, Strict):
         "a `card` that turns under an index",
         "a card under an index",
         "a card",
-        begun={"index": UP_DEG},
+        begun={},
         controls=(
             Control("name", "Name"),
-            Control("index", "Index at", "number", "degrees; 270 is up", is_angle=True),
+            Control("index", "Index at", "optional", "degrees; 270, straight up", is_angle=True),
             Control("ring", "Its marks from", "optional", "pixels from the centre, under needles"),
             Control("max_rate", "Fastest change", "optional", "a second, if known"),
         ),
@@ -55,22 +55,27 @@ class Card(Plain, Strict):
     def quantities(self, dial: Dial) -> tuple[Quantity, ...]:
         """Return the one that stands under the index."""
         own = self.name, dial.name, dial.unit, dial.scale, dial.wraps, None, self.max_rate
-        return (Quantity(*own, has_drawn_zero=True),)
+        return (Quantity(*own, has_drawn_zero=True, has_upright_zero=not self._has_drawn_index),)
 
     def pointers(self) -> tuple[Pointer, ...]:
         """Return the index."""
         return (Pointer(self.name, self.index, is_fixed=True),)
 
     def at_angles(self, true_deg: Callable[[float], float]) -> Mapping[str, object]:
-        """Return it with its index at its true angle; its marks are the gauge's."""
-        return {self.form.key: self.model_copy(update={"index": true_deg(self.index)})}
+        """Return it with its index at its true angle, or straight up if it was left out; its marks are the gauge's."""
+        return {self.form.key: self.model_copy(update={"index": true_deg(self.index)} if self._has_drawn_index else {})}
+
+    @property
+    def _has_drawn_index(self) -> bool:
+        return "index" in self.model_fields_set
 
     @staticmethod
     def carry(gauge: Drawn, turn_deg: float, size: float, angles_deg: Mapping[str, float]) -> float:
         """Turn the index and enlarge the ring; the scale lies as the card is turned there."""
         card = gauge["card"]
-        card_turn_deg = float(card["index"] - angles_deg.get(card["name"], card["index"]))
-        card["index"] = round(card["index"] + turn_deg, 4)
+        index_deg = card.get("index", UP_DEG)
+        card_turn_deg = float(index_deg - angles_deg.get(card["name"], index_deg))
+        card["index"] = round(index_deg + turn_deg, 4)
         if card.get("ring"):
             card["ring"] = round(card["ring"] * size, 3)
         return card_turn_deg

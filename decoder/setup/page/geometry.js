@@ -34,14 +34,25 @@ function round(value, known) {
   return Math.abs(value - near) <= EVEN * unit ? Number(near.toPrecision(8)) : null;
 }
 
+// The value of a mark on a dial that goes all the way round, by a known one, in units that marks usually are apart.
+function onTurn([angle, value], at, turn) {
+  const unit = 10 ** Math.floor(Math.log10(turn)) / (turn === 360 ? 20 : 10);
+  return { units: ((value + (((at - angle + 720) % 360) * turn) / 360) % turn) / unit, unit };
+}
+
+// Whether such a mark stands where a round value is. Seen from aside, marks crowd and draw apart: it may stand at another.
+export function isSurelyOnTurn(known, at, turn) {
+  const { units } = onTurn(known, at, turn);
+  return Math.abs(units - Math.round(units)) <= EVEN;
+}
+
 // The value that a mark would have if the scale went on evenly; undefined where nothing tells.
 export function suggested(scale, index, turn) {
   const known = scale.filter(([, value], other) => other !== index && typeof value === "number");
   const angle = scale[index][0];
   if (known.length === 1 && typeof turn === "number") {
-    const value = known[0][1] + (((angle - known[0][0] + 720) % 360) * turn) / 360;
-    const unit = 10 ** Math.floor(Math.log10(turn)) / (turn === 360 ? 20 : 10);
-    return Number((Math.round((value % turn) / unit) * unit).toPrecision(8));
+    const { units, unit } = onTurn(known[0], angle, turn);
+    return Number((Math.round(units) * unit).toPrecision(8));
   }
   if (known.length < 2) return undefined;
   const near = [...known].sort((one, other) => Math.abs(one[0] - angle) - Math.abs(other[0] - angle)).slice(0, 2);

@@ -1,7 +1,7 @@
 // The table of a scale's marks: of a gauge, or of a needle that has its own.
 import { byId, h } from "./dom.js";
 import { input, valueAt } from "./fields.js";
-import { suggested } from "./geometry.js";
+import { isSurelyOnTurn, suggested } from "./geometry.js";
 import { remove } from "./items.js";
 import { pick } from "./tools.js";
 
@@ -27,7 +27,7 @@ export function scalePart(store, path, marks, owner) {
         else byId(`f:${path}.scale[${mark + 1}][1]`)?.focus();
         return;
       }
-      if (typeof turn === "number") fillOthers();
+      if (typeof turn === "number") fillOthers(mark);
       const next = store.tool === "mark" ? null : openAfter(valueAt(store.document, `${path}.scale`), angle);
       if (next === null) byId("picture").focus({ preventScroll: true });
       else store.tell("type", `${path}.scale[${next}][1]`);
@@ -40,12 +40,13 @@ export function scalePart(store, path, marks, owner) {
       h("td", {}, h("button", { class: "remove", "aria-label": `Remove mark ${mark + 1}`, onclick: () => remove(store, { ...owner, mark }) }, "×")),
     );
   });
-  // All the way round one value tells all the others.
-  function fillOthers() {
+  // All the way round one value tells all the others that stand where round values are; the rest are asked for.
+  function fillOthers(typed) {
     const now = valueAt(store.document, `${path}.scale`);
-    const guesses = now.map(([, value], mark) => (value === null ? suggested(now, mark, turn) : value));
-    if (guesses.includes(undefined)) return;
-    store.change("marks", (document) => valueAt(document, `${path}.scale`).forEach((mark, place) => { mark[1] = guesses[place]; }));
+    const isTold = ([angle, value]) => value === null && isSurelyOnTurn(now[typed], angle, turn);
+    const told = now.map((each, mark) => (isTold(each) ? suggested(now, mark, turn) : each[1]));
+    if (told.includes(undefined)) return;
+    store.change("marks", (document) => valueAt(document, `${path}.scale`).forEach((mark, place) => { mark[1] = told[place]; }));
   }
   const add = () => {
     store.select(owner);

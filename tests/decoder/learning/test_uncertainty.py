@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -213,6 +213,31 @@ def test_a_card_is_doubted_by_its_index_as_a_needle_is_by_where_it_was_cut(care_
     missed_deg = math.degrees(care_part) if care_part else 0.0  # a pivot that was not moved may be off by as much
 
     assert math.sqrt(card.drawn_deg**2 - missed_deg**2) == pytest.approx(needle.drawn_deg)
+
+
+def test_a_card_whose_index_nobody_drew_is_doubted_by_how_obliquely_it_is_seen() -> None:
+    """Read straight up in the picture, it is off by as much as its dial's upright leans; a drawn index is not."""
+
+    def with_card(card: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
+        def change(content: dict[str, Any]) -> None:
+            first = content["gauges"][0]
+            del first["needles"]
+            turn = {"sweep": [0, 360], "scale": [[270, 0], [450, 180]], "wraps": 360}
+            first |= turn | {"card": {"name": "card_deg", **card}}
+
+        return change
+
+    aside = Squeeze(0.0, 0.08, 0.01)
+
+    def sigma_deg(card: dict[str, Any], squeeze: Squeeze | None) -> float:
+        drawn = reader_of(with_card(card)).source
+        squeezes = (squeeze,) * len(drawn.panel.gauges)
+        return uncertainties_of(drawn, squeezes=squeezes, squared_up=squeezes)["card_deg"].drawn_deg
+
+    drawn_deg, left_out_deg = sigma_deg({"index": 270}, aside), sigma_deg({}, aside)
+    leans_deg = math.degrees(math.atan2(aside.matrix[0, 1], aside.matrix[1, 1]))
+    assert math.sqrt(left_out_deg**2 - drawn_deg**2) > leans_deg / CONFIDENCE_SIGMAS
+    assert sigma_deg({}, None) == pytest.approx(sigma_deg({"index": 270}, None))
 
 
 @pytest.mark.parametrize("sag_px", [1.0, 12.0])
