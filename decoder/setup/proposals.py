@@ -20,6 +20,7 @@ from decoder.imaging.pictures import GreyPicture
 from decoder.imaging.planes import DialPlane, Raised
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, Unwrapper, polar_grid
+from decoder.matching.faces import in_light_of
 from decoder.matching.thresholds import OUTLIER_SPREADS
 from decoder.panel.arrays import Floats
 from decoder.panel.scale import FULL_CIRCLE_DEG
@@ -296,7 +297,9 @@ def _views(seen: Pictures, dial: Dial) -> _Views:
     grid = dial.grid()
     unwrapper = Unwrapper([grid])
     own = unwrapper.unwrap(seen.picture, seen.own)[0]
-    others = [unwrapper.unwrap(frame, alignment)[0] for frame, alignment in seen.frames]
+    frames = [unwrapper.unwrap(frame, alignment)[0] for frame, alignment in seen.frames]
+    # Print that is brighter or dimmer in another frame's light has not moved.
+    others = [lit for lit in in_light_of(own, frames) if lit is not None]
     return _Views(grid, own, np.stack(others) if others else np.zeros((0, *own.shape), np.float32))
 
 

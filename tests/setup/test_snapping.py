@@ -198,6 +198,20 @@ def test_what_moves_is_proposed() -> None:
     assert proposed(Pictures(dial(60.0, seed=9), [(dial(60.0), IDENTITY)] * 5), FULL) == []
 
 
+def test_print_in_another_light_is_no_needle() -> None:
+    """A phone's exposure follows the light: print that is dimmer in most frames has not moved, only the needle has."""
+    patch = np.hypot(*(np.mgrid[0:160, 0:160] - np.array([CENTRE[1] + 25.0, CENTRE[0]])[:, None, None])) < 12.0
+
+    def frame(needle_deg: float, light: float, seed: int) -> Picture:
+        printed = np.where(patch, 210, dial(needle_deg, seed=seed))
+        return (printed * light).astype(np.uint8)
+
+    frames = [(frame(20.0 + 9.0 * number, 0.6, number), IDENTITY) for number in range(5)]
+    (found,) = proposed(Pictures(frame(200.0, 1.0, 9), frames), FULL)
+
+    assert found.at_deg == pytest.approx(200.0, abs=0.15)
+
+
 def test_how_far_a_card_reaches_is_seen() -> None:
     """The turning part is told from the fixed ones in and around it, to a few pixels, with a centre a pixel off."""
     spots = np.random.default_rng(3).uniform(40.0, 220.0, (90, 45)).astype(np.uint8)  # by angle and radius
