@@ -243,10 +243,10 @@ class _Round:
 def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, tell: Tell = nobody) -> FittedReader:
     """Fit a reader to the flight from which `sample` takes frames, in at most this many rounds."""
     source = reader.source
-    seen = squeezes_seen(source)
+    seen, likely = squeezes_seen(source)
     begun, last = _best_begun(_squared_up_as_seen(reader, seen), sample, tell)
     reader, samples, paths, log_odds = begun.reader, begun.samples, begun.paths, begun.log_odds
-    gauges, allowed = begun.drawn, _allowed(begun, last, seen)
+    gauges, allowed = begun.drawn, _allowed(begun, last, likely)
     del begun
     first, known = last.pivots, _known(last, paths)
     for round_ in range(1, rounds):

@@ -11,7 +11,7 @@ Whoever draws a dial gives marks where they appear. In between, a needle would b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
@@ -60,21 +60,43 @@ LENS_WEIGHT = 0.02
 FIRST_STEPS, HALVINGS = np.array([0.025, 0.025, 0.15, 0.1]), 6
 
 
-def squeezes_seen(source: PanelPictures) -> tuple[Squeeze | None, ...]:
-    """For each gauge, return how the view squeezes it, if the panel does not say so and its picture shows it."""
+Squeezes = tuple[Squeeze | None, ...]
+
+
+def squeezes_seen(source: PanelPictures) -> tuple[Squeezes, Squeezes]:
+    """For each gauge, return how the view squeezes it, if the panel does not say so: as its picture shows, and at all.
+
+    The first are sure. Where too few dials agree, but several show that they are squeezed somehow, the second are what
+    they show, for sigma to allow for.
+    """
     source = source.with_planes()
     gauges, planes = source.panel.gauges, source.planes or ()
     wanted = [plane is None and _is_dial(gauge) for gauge, plane in zip(gauges, planes, strict=True)]
     if not any(wanted):
-        return (None,) * len(gauges)
+        return (None,) * len(gauges), (None,) * len(gauges)
     seen = {index: _Seen.of(source, index) for index, gauge in enumerate(gauges) if _is_dial(gauge)}
     told = _told(list(seen.values()))
+    likely: dict[int, Squeeze] = {}
     if told is not None:
         squeezes = dict(zip(seen, told, strict=True))
     else:
         alone = {index: _squeeze_of_marks(source, index) or each.sure for index, each in seen.items()}
         squeezes = {index: own for index, own in alone.items() if own is not None and own.part > MOST_MARK_PART}
-    return tuple(squeezes.get(index) if is_wanted else None for index, is_wanted in enumerate(wanted))
+        likely = _likely(seen)
+    sure = tuple(squeezes.get(index) if is_wanted else None for index, is_wanted in enumerate(wanted))
+    return sure, tuple(
+        own or (likely.get(index) if is_wanted else None)
+        for index, (own, is_wanted) in enumerate(zip(sure, wanted, strict=True))
+    )
+
+
+def _likely(seen: Mapping[int, _Seen]) -> dict[int, Squeeze]:
+    """Return what dials show of how they are squeezed, those that show nothing as the one that shows most."""
+    shows = {index: each for index, each in seen.items() if each.gains and math.hypot(*each.squeeze) > MOST_MARK_PART}
+    if len(shows) < 2:  # noqa: PLR2004 - a single one may be turned towards the pilot, or mislead
+        return {}
+    clearest = max(shows.values(), key=lambda each: each.share)
+    return {index: _squeeze(shows.get(index, clearest).squeeze, AGREEING) for index in seen}
 
 
 def squeeze_shown(picture: GreyPicture, optics: Optics, centre: Floats, radius_px: float) -> Squeeze:

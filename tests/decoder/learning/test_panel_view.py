@@ -138,7 +138,7 @@ def test_each_dial_of_a_flat_panel_is_squared_up(slope: tuple[float, float]) -> 
     """Seven dials show circles; the eighth, which shows a square, is told by them."""
     view = seen_from(slope)
 
-    found = squeezes_seen(drawn(view, photograph(view), list(range(len(PLACES)))))
+    found, _ = squeezes_seen(drawn(view, photograph(view), list(range(len(PLACES)))))
 
     for place, own in zip(PLACES, found, strict=True):
         assert own is not None
@@ -149,14 +149,27 @@ def test_panel_seen_square_on_stays_as_it_is_drawn() -> None:
     """There is nothing to square up, whatever its square frame looks like."""
     view = seen_from((0.0, 0.0))
 
-    assert not any(squeezes_seen(drawn(view, photograph(view), list(range(len(PLACES))))))
+    assert not any(
+        each for found in squeezes_seen(drawn(view, photograph(view), list(range(len(PLACES))))) for each in found
+    )
+
+
+def test_two_dials_tell_how_obliquely_a_third_may_be_seen() -> None:
+    """They are too few to square it up; but they show that they are no circles, and it may be seen like them."""
+    view, dials = seen_from(ASIDE), [0, 1, FRAMED]
+
+    (*_, sure), (*_, likely) = squeezes_seen(drawn(view, photograph(view), dials))
+
+    assert sure is None
+    assert likely is not None
+    assert likely.part == pytest.approx(squeezed(view, PLACES[FRAMED]).part, rel=0.5)
 
 
 def test_square_frame_alone_tells_nothing() -> None:
     """What looks most circular in it is no circle."""
     view = seen_from(ASIDE)
 
-    assert squeezes_seen(drawn(view, photograph(view), [FRAMED])) == (None,)
+    assert squeezes_seen(drawn(view, photograph(view), [FRAMED])) == ((None,), (None,))
 
 
 def test_dial_that_faces_the_camera_is_not_squared_up_like_the_others() -> None:
@@ -172,7 +185,7 @@ def test_dial_that_faces_the_camera_is_not_squared_up_like_the_others() -> None:
     flat = cv2.resize(sheet({turned: TURNS[turned][0]}), SIZE_PX, interpolation=cv2.INTER_AREA)
     picture = np.where(hole > 0, cv2.warpAffine(flat, facing, SIZE_PX), picture)
 
-    found = squeezes_seen(drawn(view, picture, list(range(len(PLACES)))))
+    found, _ = squeezes_seen(drawn(view, picture, list(range(len(PLACES)))))
 
     for number, (place, each) in enumerate(zip(PLACES, found, strict=True)):
         assert each is not None
