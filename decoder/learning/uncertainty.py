@@ -86,6 +86,8 @@ class QuantityUncertainty:
         For each mark of its scale how far it is off what its neighbours make of it, if any is.
     stretched_part
         The part by which a shift may be longer or shorter, seen from aside, than where its ladder was drawn.
+    is_seen_aside
+        Whether the picture or the flight shows that its dial is seen from aside, which it is read without.
     """
 
     drawn_deg: float
@@ -101,11 +103,12 @@ class QuantityUncertainty:
     bowed: Quantity | None = None
     slips_deg: Floats | None = None
     stretched_part: float = 0.0
+    is_seen_aside: bool = False
 
     @property
     def allowed_deg(self) -> float:
         """The part of the uncertainty that is an allowance, not estimated from this panel or flight."""
-        return math.hypot(self.seen_deg, self.beside_deg)
+        return math.hypot(0.0 if self.is_seen_aside else self.seen_deg, self.beside_deg)
 
     def sigma_deg(self, angles_deg: Floats) -> Floats:
         """(N,): the standard uncertainty of readings at these angles."""
@@ -241,7 +244,11 @@ def quantity_uncertainties(
                 uncertainties[name] = as_written
             elif name in needles:
                 own = _of_needle(as_needle, gauge, quantity, care, is_mistaken=name in mistaken)
-                own = replace(own, seen_deg=math.hypot(own.seen_deg, _between_marks_deg(quantity, view.around_part)))
+                own = replace(
+                    own,
+                    seen_deg=math.hypot(own.seen_deg, _between_marks_deg(quantity, view.around_part)),
+                    is_seen_aside=squeeze is not None and squeeze.part > MOST_MARK_PART,
+                )
                 uncertainties[name] = _beside_middle(own, gauge, name, templates)
             else:
                 uncertainties[name] = _of_other(as_card, gauge, quantity, path, care, view=view)

@@ -24,6 +24,7 @@ PLAINLY = "on a picture that shows it plainly"
 MOSTLY = {
     Cause.DRAWN: "of how it is drawn: draw its centre, radius and marks more precisely with `decode setup`",
     Cause.PIVOT: "its pivot is uncertain: draw its centre more precisely with `decode setup`",
+    Cause.VIEWED: "it is seen from aside: draw its `rim`, or the panel's reference points, with `decode setup`",
     Cause.PLACED: "its dial is not found where the anchors put it: box an anchor nearer to it with `decode setup`",
 }
 

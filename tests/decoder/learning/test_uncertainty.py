@@ -240,6 +240,17 @@ def test_a_card_whose_index_nobody_drew_is_doubted_by_how_obliquely_it_is_seen()
     assert sigma_deg({}, None) == pytest.approx(sigma_deg({"index": 270}, None))
 
 
+def test_a_view_that_is_seen_but_not_corrected_is_no_mere_allowance() -> None:
+    """From where dials usually are seen is one; what the picture shows of this one makes its values doubtful."""
+    drawn = reader_of().source
+    aside = (Squeeze(0.05, 0.0, 0.01),) * len(drawn.panel.gauges)
+    usual, seen = (uncertainties_of(drawn, squeezes=each)["speed_kt"] for each in ((), aside))
+
+    assert usual.allowed_deg == pytest.approx(usual.seen_deg)
+    assert seen.seen_deg > usual.seen_deg
+    assert seen.allowed_deg == pytest.approx(0.0)
+
+
 @pytest.mark.parametrize("sag_px", [1.0, 12.0])
 def test_a_tube_is_doubted_by_its_length_however_little_it_is_bent(sag_px: float) -> None:
     """The straighter it is, the further away is the centre of its bend, which nobody drew."""
