@@ -45,6 +45,8 @@ AROUND = np.arange(0.0, math.tau, math.tau / 120)
 RINGS = np.stack([CIRCLES * wave(AROUND)[:, None] for wave in (np.cos, np.sin)], axis=-1).astype(np.float32)
 # The middle of a bezel is at most this far from the drawn centre, and the squeeze in sum with it, in radii.
 REACH = 0.35
+# Circles are found from further away in a picture that is blurred by so many of these pixels.
+COARSE_PX = 1.5
 # From where squeezes are searched for, beside none.
 FIRST_PART, DIRECTIONS = 0.07, np.arange(0.0, math.tau, math.tau / 8)
 # Squeezes agree if they differ by hardly more than this; a view is searched for by what agrees more coarsely first.
@@ -285,11 +287,24 @@ class _Circles:
 
     def best(self, middle: Floats) -> tuple[float, Floats]:
         """Search from around a middle for the squeeze (2,) with the largest share of circles; return both."""
-        squeezes = FIRST_PART * np.stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)], axis=1)
-        starts = np.array([[*middle, *squeeze] for squeeze in (np.zeros(2), *squeezes)])
-        found = [climbed(self.shares, start, ALL_AXES, REACH) for start in starts]
+        coarse = _Circles(np.asarray(cv2.GaussianBlur(self.picture, (0, 0), COARSE_PX), np.float32))
+        starts, roughly = self._starts(middle), coarse._starts(middle)
+        near = [climbed(coarse.shares, start, ALL_AXES, REACH)[1] for start in roughly]
+        found = [climbed(self.shares, start, ALL_AXES, REACH) for start in (*starts, *near)]
         share, view = max(found, key=itemgetter(0))
         return share, view[2:]
+
+    def _starts(self, middle: Floats) -> Floats:
+        """(N, 4): for each of some squeezes, the likeliest of some middles.
+
+        A hub that was clicked appears beside the middle of its dial's ellipses.
+        """
+        beside = FIRST_PART * np.stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)], axis=1)
+        middles = middle + np.array([np.zeros(2), *beside])
+        starts = np.array([[[*each, *squeeze] for each in middles] for squeeze in (np.zeros(2), *beside)])
+        likeliest = self.shares(starts.reshape(-1, starts.shape[-1])).reshape(starts.shape[:2]).argmax(axis=1)
+        likely: Floats = starts[np.arange(len(starts)), likeliest]
+        return likely
 
     def around(self, squeeze: Floats) -> tuple[float, Floats]:
         """Search for the middle (2,), in radii, with the largest share of circles in a squeeze (2,); return both."""

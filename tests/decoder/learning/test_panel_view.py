@@ -18,7 +18,7 @@ from decoder.imaging.planes import Squeeze
 from decoder.instruments.panel_reader import read_picture
 from decoder.instruments.reading import Status
 from decoder.learning.fit import fit_to_flight, reader_from_panel
-from decoder.learning.obliqueness import squeezes_seen
+from decoder.learning.obliqueness import squeeze_shown, squeezes_seen
 from decoder.panel.panel import parse_panel
 from decoder.panel.scale import Scale
 from decoder.panel.vocabulary import Method
@@ -101,8 +101,10 @@ def squeezed(view: NDArray[np.float64], point: tuple[float, float]) -> Squeeze:
     return Squeeze(float(matrix[0, 0] - 1.0), float(matrix[0, 1]))
 
 
-def drawn(view: NDArray[np.float64], picture: GreyPicture, dials: list[int]) -> PanelPictures:
-    """Some dials of the panel as somebody draws them where they appear, with two marks each."""
+def drawn(
+    view: NDArray[np.float64], picture: GreyPicture, dials: list[int], beside_px: tuple[float, float] = (0.6, -0.4)
+) -> PanelPictures:
+    """Some dials of the panel as somebody draws them where they appear, with two marks each, centres so far beside."""
     gauges = []
     for number in dials:
         (x, y), (needle_deg, _) = PLACES[number], TURNS[number]
@@ -119,7 +121,7 @@ def drawn(view: NDArray[np.float64], picture: GreyPicture, dials: list[int]) -> 
         gauges.append(
             {
                 "name": f"dial {number}",
-                "centre": [float(part) for part in centre + np.array([0.6, -0.4])],
+                "centre": [float(part) for part in centre + np.array(beside_px)],
                 "radius": [10.0 * size, 38.0 * size],
                 "sweep": [0, 360],
                 "scale": [[angle_deg(0.0, 45.0), 0.0], [angle_deg(180.0, 45.0), 50.0]],
@@ -143,6 +145,18 @@ def test_each_dial_of_a_flat_panel_is_squared_up(slope: tuple[float, float]) -> 
     for place, own in zip(PLACES, found, strict=True):
         assert own is not None
         assert np.allclose(own.matrix, squeezed(view, place).matrix, atol=0.006)
+
+
+@pytest.mark.parametrize(("number", "beside_px"), [(0, (4.0, 0.0)), (4, (0.0, -7.0))])
+def test_a_centre_beside_the_middle_of_ellipses_hides_no_squeeze(number: int, beside_px: tuple[float, float]) -> None:
+    """As a hub is from near by: circles are looked for around other middles, too, and roughly at first."""
+    view = seen_from(ASIDE)
+    source = drawn(view, photograph(view), [number], beside_px)
+    (gauge,) = source.panel.gauges
+
+    found = squeeze_shown(source.picture, source.optics, np.array(gauge.centre), gauge.radius[1])
+
+    assert np.allclose(found.matrix, squeezed(view, PLACES[number]).matrix, atol=0.012)
 
 
 def test_panel_seen_square_on_stays_as_it_is_drawn() -> None:
