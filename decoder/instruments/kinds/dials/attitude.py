@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decoder.imaging.planes import Squeeze
-from decoder.imaging.resampling import levels_at
+from decoder.imaging.resampling import levels_at, put_levels
 from decoder.imaging.sorting import MAD_TO_SIGMA, median_of
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import PolarGrid, UnwrappedGauge
@@ -62,7 +62,6 @@ SEARCH_SHIFTS = 97
 # A score is a peak if none is higher within this many steps.
 PEAK_STEPS = 2
 FIT_STEPS = 5
-UP_HALF, RIGHT_HALF = np.array([0.0, 0.5], np.float32), np.array([0.5, 0.0], np.float32)
 # Errors are correlated within patches of the window: this many around, and across.
 PATCHES = 12, 3
 QUARTERS = 4
@@ -233,9 +232,9 @@ class Attitudes:
 
     @cached_property
     def haze(self) -> Floats:
-        """(P, C, 3) float32, the terms of light that is added in the window: even, and rising across and down it."""
+        """(3, P, C) float32, the terms of light that is added in the window: even, and rising across and down it."""
         x, y = (each / self.grid.radii_px[self.window - 1] for each in self.points_px)
-        return np.dstack([np.ones_like(x), x, y]).astype(np.float32)
+        return np.stack([np.ones_like(x), x, y]).astype(np.float32)
 
     @cached_property
     def upright_deg(self) -> float:
@@ -273,8 +272,8 @@ class Attitudes:
 
     def in_even_light(self, strip: UnwrappedGauge, sight: Sight) -> Floats:
         """(P, C): the window of a gauge (R, C) in the light of the picture."""
-        beyond = strip[: self.rows, : self.window] - self.haze[..., : len(sight.haze)] @ sight.haze
-        levels: Floats = beyond / sight.gain
+        haze = np.tensordot(sight.haze, self.haze[: len(sight.haze)], 1)
+        levels: Floats = (strip[: self.rows, : self.window] - haze) / sight.gain
         return levels
 
     def up_px(self, place: Place) -> tuple[float, float]:
@@ -349,6 +348,7 @@ class AttitudeReader:
         """Find the horizon in a gauge whose ring has been read."""
         (strip, turn), turn_part, sight = view, self._own.own.horizon_turn, self.horizon(view)
         if turn is None:
+            sight = self._horizon.without_quarters(strip, sight)
             turned_deg = sight.place.turned_deg - self._origin.turned_deg
             ring_deg = (turned_deg + self._own.tilted_deg) / turn_part
             is_sure = sight.is_sure and sight.score >= self._least_score
@@ -376,7 +376,10 @@ class AttitudeReader:
         What was composed began there, so it lies near, even if it matches a mark of its ladder further on about as
         well. Only where no ring shows which way is up, it may also have been composed upside down.
         """
-        sight = self._horizon.sight(window, None if self._ring is None else 0.0)
+        if self._ring is None:
+            sight = self._horizon.without_quarters(window, self._horizon.sight(window, None))
+        else:
+            sight = self._horizon.sight(window, 0.0)
         is_near = sight.score >= LIKELY_SCORE and self._horizon.is_near(sight.place, AS_DRAWN)
         is_near = is_near and (self._ring is not None or self._horizon.is_worse_upside_down(window, sight))
         return sight.place if sight.is_sure or is_near else None
@@ -414,7 +417,7 @@ class _HorizonReader:
         # least squares use rows as far apart at the rim as columns are
         self._stride = max(round(grid.column_px / (math.radians(grid.step_deg) * radii_px[-1])), 1)
         self._thinned = self._weights[:: self._stride]
-        self._haze = np.moveaxis(own.haze[:: self._stride], -1, 0)
+        self._haze = own.haze[:, :: self._stride]
         self._pixels_per_sample = min(1.0, grid.pixels_per_sample * self._stride)
         # The slope between two neighbours, half way between them, is that of the interpolated picture. Over two cells,
         # a sharp horizon would change half as fast, and every step of a fit would go too far.
@@ -422,7 +425,8 @@ class _HorizonReader:
         self._rights = np.diff(picture.horizon, axis=1) / np.float32(grid.column_px)
         # A horizon that moves less has converged: it is a tenth of what marks drawn by hand leave open.
         self._still_px = own.drawn_sigma_px(0.0) / 10
-        self._patches = _patches(self._thinned.shape)
+        self._thinned_px = [each[:: self._stride].astype(np.float32) for each in own.points_px]
+        self._patches = [_parts(size, parts) for size, parts in zip(self._thinned.shape, PATCHES, strict=True)]
 
     @cached_property
     def _search(self) -> _Search:
@@ -448,15 +452,17 @@ class _HorizonReader:
         is_alone = _is_worse(rival_score, sight)
         if not is_turn_known and sight.place.is_inverted:
             is_alone = is_alone and self._knows(self._own.upside_down(sight.place))
-        sight = replace(sight, is_alone=is_alone)
-        return self._without_quarters(thinned, sight) if is_alone and not is_turn_known else sight
+        return replace(sight, is_alone=is_alone)
 
-    def _without_quarters(self, seen: Floats, sight: Sight) -> Sight:
+    def without_quarters(self, strip: UnwrappedGauge, sight: Sight) -> Sight:
         """Estimate how far a horizon would move if any quarter of the window did not count (the jackknife).
 
         Least squares only know errors that are independent between patches. A reflection along the horizon is not, and
-        turns it.
+        turns it, unless a ring tells its turn.
         """
+        if not sight.is_alone:
+            return sight
+        seen = self._seen(strip)
         rows, parts = np.arange(len(seen)) * QUARTERS // len(seen), []
         for quarter in range(QUARTERS):
             counts = self._thinned * (rows != quarter)[:, None]
@@ -468,9 +474,13 @@ class _HorizonReader:
         sigma_deg, sigma_px = math.hypot(sight.sigma_deg, off_deg), math.hypot(sight.sigma_px, off_px)
         return replace(sight, sigma_deg=sigma_deg, sigma_px=sigma_px)
 
+    def _seen(self, strip: UnwrappedGauge) -> Floats:
+        """(P', C): the rows of the window of a gauge (R, C) that are fitted."""
+        return strip[: self._own.rows : self._stride, : self._own.window]
+
     def is_worse_upside_down(self, strip: UnwrappedGauge, sight: Sight) -> bool:
         """Whether a horizon found in a gauge (R, C) matches clearly worse with the sky below its line."""
-        seen = strip[: self._own.rows : self._stride, : self._own.window]
+        seen = self._seen(strip)
         place = self._own.upside_down(sight.place)
         other = self._fitted(seen, place, self._thinned, is_turn_known=False, is_falling=False)
         return _is_worse(other.score, sight)
@@ -481,7 +491,7 @@ class _HorizonReader:
 
     def turns_on(self, strip: UnwrappedGauge, place: Place) -> bool:
         """Whether a horizon that was found in a gauge (R, C) at the ring's turn turns on if its own turn is fitted."""
-        seen = strip[: self._own.rows : self._stride, : self._own.window]
+        seen = self._seen(strip)
         is_falling = self._picture.is_learned
         free = self._fitted(seen, place, self._thinned, is_turn_known=False, is_falling=is_falling)
         on_deg = free.place.turned_deg - place.turned_deg
@@ -506,12 +516,20 @@ class _HorizonReader:
         (height, width), cell_px = self._picture.horizon.shape, self._own.grid.column_px
         return (width - 1) / 2 - self._own.aside_px(place) / cell_px, (height - 1) / 2 - place.down_px / cell_px
 
-    def _cells(self, place: Place, stride: int) -> Floats:
-        """(P', C, 2): the column and row of the picture that every `stride`-th row of the window shows."""
+    def _cells(self, place: Place, stride: int, before: tuple[float, float] = (0.0, 0.0)) -> Floats:
+        """(P', C, 2): column and row, less `before`, of the picture at every `stride`-th row of the window."""
+        (cos, sin), (x, y) = self._back(place), self._centre(place)
+        matrix = np.array([[cos, sin, x - before[0]], [-sin, cos, y - before[1]]])
+        return np.asarray(cv2.transform(self._points[::stride], matrix), np.float32)
+
+    def _from_centre_px(self, place: Place) -> tuple[Floats, Floats]:
+        """(P', C) each: how far what the fitted samples show is right of and below the dial's centre in the picture."""
+        (cos, sin), (x, y) = self._back(place), self._thinned_px
+        return cos * x + sin * y, cos * y - sin * x
+
+    def _back(self, place: Place) -> tuple[float, float]:
         back = math.radians(self._own.tilt_deg + place.turned_deg)
-        (cos, sin), (x, y) = (math.cos(back), math.sin(back)), self._centre(place)
-        cells = cv2.transform(self._points[::stride], np.array([[cos, sin, x], [-sin, cos, y]]))
-        return np.asarray(cells, np.float32)
+        return math.cos(back), math.sin(back)
 
     def _fitted(self, seen: Floats, place: Place, counts: Floats, *, is_turn_known: bool, is_falling: bool) -> Sight:
         """Fit gain, haze, shift and, where it is not known, turn, by least squares, with weights `counts` (P', C).
@@ -529,7 +547,7 @@ class _HorizonReader:
                 return NOT_SEEN
             inverse = np.linalg.inv(normal)
             solution = inverse @ (weighted @ seen.ravel())
-            gain, *steps = np.delete(solution, is_haze).tolist()
+            gain, steps = float(solution[0]), solution[is_haze.stop :].tolist()
             if gain < MIN_LIGHT_GAIN:
                 return NOT_SEEN
             left = seen - (solution.astype(np.float32) @ columns).reshape(seen.shape)
@@ -547,19 +565,25 @@ class _HorizonReader:
 
     def _columns(self, place: Place, haze: Floats, *, is_turn_known: bool) -> Floats:
         """(K, N): the derivatives by gain, each term of haze, shift and, where it is not known, turn."""
-        cells = self._cells(place, self._stride)
-        levels = _at(self._picture.horizon, cells)
-        up = _at(self._ups, cells - UP_HALF)
-        columns = [levels, *haze, up]
+        columns = np.empty((2 + len(haze) + (not is_turn_known), *haze.shape[1:]), np.float32)
+        columns[1 : 1 + len(haze)] = haze
+        up = columns[1 + len(haze)]
+        put_levels(columns[0], self._picture.horizon, self._cells(place, self._stride))
+        put_levels(up, self._ups, self._cells(place, self._stride, (0.0, 0.5)))
         if not is_turn_known:
-            x_px, y_px = np.moveaxis((cells - self._centre(place)) * self._own.grid.column_px, -1, 0)
-            columns.append(_at(self._rights, cells - RIGHT_HALF) * y_px + up * x_px)
-        return np.stack(columns).reshape(len(columns), -1).astype(np.float32, copy=False)
+            put_levels(columns[-1], self._rights, self._cells(place, self._stride, (0.5, 0.0)))
+            x_px, y_px = self._from_centre_px(place)
+            columns[-1] *= y_px
+            columns[-1] += up * x_px
+        return columns.reshape(len(columns), -1)
 
     def _sigmas(self, inverse: Floats, weighted: Floats, left: Floats, weights: Floats) -> Floats:
         """Return the standard uncertainties of a fit: the larger of the estimate per pixel and the one per patch."""
         noise = float((weights * left**2).sum() / weights.sum()) / self._pixels_per_sample
-        pulls = np.stack([np.bincount(self._patches, column * left.ravel(), math.prod(PATCHES)) for column in weighted])
+        pulls = weighted.reshape(-1, *left.shape) * left
+        for axis, starts in enumerate(self._patches, 1):
+            pulls = np.add.reduceat(pulls, starts, axis=axis, dtype=np.float64)
+        pulls = pulls.reshape(len(weighted), -1)
         by_patch = np.diag(inverse @ (pulls @ pulls.T) @ inverse)
         sigmas: Floats = np.sqrt(np.maximum(np.diag(inverse) * noise, by_patch))
         return sigmas
@@ -570,12 +594,9 @@ def _is_worse(score: float, sight: Sight) -> bool:
     return 1.0 - score**2 > CLEARLY_WORSE * (1.0 - min(sight.score, 1.0) ** 2)
 
 
-def _patches(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """(N,): the patch of each sample of a window (P, C)."""
-    rows, columns = shape
-    around, across = PATCHES
-    numbers = (np.arange(rows) * around // rows)[:, None] * across + np.arange(columns) * across // columns
-    return numbers.ravel()
+def _parts(size: int, count: int) -> NDArray[np.intp]:
+    """(count,): where each of as many equal parts of a number of samples begins."""
+    return -(-np.arange(count) * size // count)
 
 
 class _Search:
@@ -598,9 +619,9 @@ class _Search:
         shown = np.stack([_sampled(soft, x, y - down, grid.column_px) for down in self._downs_px])
         self._total = max(float(self._weights.sum()), 1.0)
         self._shown = shown.reshape(len(shown), -1).astype(np.float64)
-        self._spectra = np.fft.rfft(shown, axis=1).conj()
+        self._spectra = np.fft.rfft(shown, axis=1)
         self._mean = self._turned_sums(self._weights, self._spectra) / self._total
-        square = self._turned_sums(self._weights, np.fft.rfft(shown**2, axis=1).conj()) / self._total
+        square = self._turned_sums(self._weights, np.fft.rfft(shown**2, axis=1)) / self._total
         self._spread = np.sqrt(np.maximum(square - self._mean**2, 0.0))
 
     def is_near(self, place: Place, start: Place) -> bool:
@@ -660,8 +681,7 @@ class _Search:
 
     def _turned_sums(self, image: Floats, spectra: Spectra) -> Floats:
         """Sum the product of a window (P, C) and each picture (K, P, C) turned by each number of rows: (K, P)."""
-        spectrum = (np.fft.rfft(image, axis=0) * spectra).sum(axis=2)
-        sums: Floats = np.fft.irfft(spectrum, self._rows, axis=1)
+        sums: Floats = np.fft.irfft(np.vecdot(spectra, np.fft.rfft(image, axis=0)), self._rows, axis=1)
         return sums
 
 
@@ -693,15 +713,29 @@ def learn_attitude(
     the horizon alone, and more rolls than by the ring, it is learned without a ring. A ring around a horizon that is
     hard to see tells more.
     """
-    learned, rolls, both = _learned_and_told(own, strips, given, ring)
-    if ring is not None and both < HALF * len(strips):
-        alone, rolls_alone, both_alone = _learned_and_told(own, strips, replace(given, ring=None), None)
-        learned = alone if both < HALF * both_alone and rolls < rolls_alone else learned
-    return _levelled(own, strips, learned) if learned.ring is None and learned.is_learned else learned
+    views, bare = list(_views(own, strips, ring)), list(_views(own, strips, None))
+    if ring is not None and own.is_odd and _has_banked(own, views):
+        learned = _learn_with_law(own, views, given, ring)
+    else:
+        learned = _put_together(own, views, given, ring, ROUNDS)
+    if ring is not None:
+        rolls, both = _told(own, views, learned, ring)
+        if both < HALF * len(views):
+            alone = _put_together(own, bare, replace(given, ring=None), None, ROUNDS)
+            rolls_alone, both_alone = _told(own, bare, alone, None)
+            learned = alone if both < HALF * both_alone and rolls < rolls_alone else learned
+    return _levelled(own, bare, learned) if learned.ring is None and learned.is_learned else learned
 
 
-def _levelled(own: Attitudes, strips: Sequence[UnwrappedGauge], learned: AttitudePicture) -> AttitudePicture:
-    """Learn it from frames (R, C) again, tilted by as much as the horizon that was learned lies off its level.
+def _told(own: Attitudes, views: Sequence[_View], learned: AttitudePicture, ring: Ring | None) -> tuple[int, int]:
+    """Count the frames that show roll, and roll and pitch."""
+    reader = AttitudeReader(own, learned, ring)
+    told = [one for one in map(reader.seen, views) if one.is_ring_sure]
+    return len(told), sum(one.horizon.is_sure for one in told)
+
+
+def _levelled(own: Attitudes, views: Sequence[_View], learned: AttitudePicture) -> AttitudePicture:
+    """Learn it from frames again, tilted by as much as the horizon that was learned lies off its level.
 
     Without a ring, somebody drew at which angle a pointer stands, or where up is on a horizon that is seen from aside.
     Its line and its ladder show that themselves: clearly, once it is shifted back along its own upright.
@@ -709,7 +743,7 @@ def _levelled(own: Attitudes, strips: Sequence[UnwrappedGauge], learned: Attitud
     for _ in range(LEVEL_ROUNDS):
         own = replace(own, tilted_deg=own.tilted_deg + off_level_deg(learned))
         start = replace(first_attitude(own, learned.drawn, None), tilted_deg=own.tilted_deg)
-        again, _, _ = _learned_and_told(own, strips, start, None)
+        again = _put_together(own, views, start, None, ROUNDS)
         if not again.is_learned:
             break
         learned = again
@@ -732,20 +766,6 @@ def off_level_deg(picture: AttitudePicture) -> float:
         counts = strengths * (np.abs(tilts_deg - off_deg) < within_deg)
         off_deg = float(counts @ tilts_deg / max(float(counts.sum()), 1.0))
     return off_deg
-
-
-def _learned_and_told(
-    own: Attitudes, strips: Sequence[UnwrappedGauge], given: AttitudePicture, ring: Ring | None
-) -> tuple[AttitudePicture, int, int]:
-    """Learn it from frames (R, C) with a ring, or without; also count those that show roll, and roll and pitch."""
-    views = list(_views(own, strips, ring))
-    if ring is not None and own.is_odd and _has_banked(own, views):
-        learned = _learn_with_law(own, views, given, ring)
-    else:
-        learned = _put_together(own, views, given, ring, ROUNDS)
-    reader = AttitudeReader(own, learned, ring)
-    told = [one for one in map(reader.seen, views) if one.is_ring_sure]
-    return learned, len(told), sum(one.horizon.is_sure for one in told)
 
 
 def _has_banked(own: Attitudes, views: Sequence[_View]) -> bool:
