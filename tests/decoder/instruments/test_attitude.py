@@ -17,10 +17,10 @@ from decoder.imaging.unwrapping import PolarGrid, gauge_grid
 from decoder.instruments.kinds.dials.attitude import (
     AttitudeKind,
     AttitudeReader,
-    Attitudes,
     first_attitude,
     learn_attitude,
 )
+from decoder.instruments.kinds.dials.horizon import Attitudes
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.learning.fit import squared_up, tune
