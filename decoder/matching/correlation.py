@@ -302,7 +302,7 @@ def turned_correlation(pictures: Floats, noise_levels: float, *, is_mutual: bool
     moved, sums, squares = (np.fft.rfft(each, axis=-2) for each in (weights, weighted, weighted * levels))
 
     def along(spectra: Spectrum, others: Spectrum) -> Floats:
-        turned: Floats = np.fft.irfft((spectra.conj() * others).sum(axis=-1), rows)
+        turned: Floats = np.fft.irfft(np.vecdot(spectra, others), rows)
         return turned
 
     area = np.maximum(along(moved, moved), ROUNDING * rows)

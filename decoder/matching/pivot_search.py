@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from operator import itemgetter
 from typing import Self
@@ -51,6 +51,8 @@ STEP_PART, LAST_STEP_PART = 0.02, 0.01
 ROUND = Squeeze(0.0, 0.0)
 # A view's offset and squeeze are searched for in steps of `STEP_PART`, so many times halved.
 HALVINGS = 5
+# Views that are the same in so many digits are one: steps that lead to it add up differently.
+ROUNDED = 9
 Axes = frozenset[int]
 SQUEEZE_AXES: Axes = frozenset({2, 3})
 ALL_AXES: Axes = frozenset({0, 1}) | SQUEEZE_AXES
@@ -284,11 +286,15 @@ def card_squeeze(
 
 @dataclass(frozen=True, slots=True)
 class _ViewSearch:
-    """A search for the view of a card in which frames show it only turned: `rings` are theirs within `reach`."""
+    """A search for the view of a card in which frames show it only turned: `rings` are theirs within `reach`.
+
+    Its climbs meet again and again, so what is `known` of a view is not computed again.
+    """
 
     rings: _Rings
     radius_px: float
     reach: float
+    known: dict[tuple[float, ...], float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, grid: PolarGrid, strips: Sequence[UnwrappedGauge]) -> Self:
@@ -299,8 +305,14 @@ class _ViewSearch:
 
     def score(self, views: Floats) -> Floats:
         """(N,): how well frames match in each of N views."""
-        seen = ((self.radius_px * x, self.radius_px * y, Squeeze(*own)) for x, y, *own in views.tolist())
-        return np.array([_alike(self.rings.around((x_px, y_px), squeeze)) for x_px, y_px, squeeze in seen])
+        return np.array([self._score(*view) for view in views.round(ROUNDED).tolist()])
+
+    def _score(self, x: float, y: float, *squeeze: float) -> float:
+        view = x, y, *squeeze
+        if view not in self.known:
+            around = self.rings.around((self.radius_px * x, self.radius_px * y), Squeeze(*squeeze))
+            self.known[view] = _alike(around)
+        return self.known[view]
 
     def climb(self, start: Floats, axes: Axes) -> tuple[float, Floats]:
         """Climb from a view (4,) to a better one; return how well frames match in it, and the view."""
@@ -416,7 +428,7 @@ class _Rings:
     @classmethod
     def of(cls, grid: PolarGrid, strips: Sequence[UnwrappedGauge], margin_px: float) -> Self:
         """Leave out a margin at either edge, so that all frames show all of the ring around a centre that near."""
-        radii_px = np.linspace(grid.inner_px + margin_px, grid.radii_px[-1] - margin_px, CARD_COLUMNS)
+        radii_px = np.linspace(grid.inner_px + margin_px, grid.radii_px[-1] - margin_px, CARD_COLUMNS, dtype=np.float32)
         spans = ROW_DEG / grid.step_deg, len(grid.radii_px) / CARD_COLUMNS
         wide = [max(1, round(span / 2)) for span in spans]
         return cls.around_drawn(
@@ -430,14 +442,17 @@ class _Rings:
 
     def around(self, offset_px: Floats | Vector, squeeze: Squeeze = ROUND) -> Floats:
         """(F, A, N): frames around another centre, where circles appear squeezed, about the mean of each circle."""
-        grid, angles = self.grid, self.angles[:, None]
-        across, down = np.cos(angles) * self.radii_px, np.sin(angles) * self.radii_px
-        (x_across, x_down), (y_across, y_down) = squeeze.matrix.astype(np.float32)
-        x, y = offset_px[0] + x_across * across + x_down * down, offset_px[1] + y_across * across + y_down * down
+        grid, ways = self.grid, np.stack([np.cos(self.angles), np.sin(self.angles)])
+        # Turned so that the grid's middle row lies to the right: an angle and its row then end at the same place.
         middle_deg = grid.angle_deg((grid.rows - 1) / 2)
-        turned_deg = middle_deg + (np.degrees(np.arctan2(y, x)) - middle_deg + 180.0) % FULL_CIRCLE_DEG - 180.0
-        rows = ((turned_deg - grid.start_deg) / grid.step_deg).astype(np.float32)
-        columns = ((np.hypot(x, y) - grid.inner_px) / grid.column_px + grid.tail_columns).astype(np.float32)
+        cos, sin = math.cos(math.radians(middle_deg)), math.sin(math.radians(middle_deg))
+        back = np.array([[cos, sin], [-sin, cos]])
+        off_px, ways = back @ offset_px, (back @ squeeze.matrix @ ways).astype(np.float32)
+        x, y = (off + way[:, None] * self.radii_px for off, way in zip(off_px.astype(np.float32), ways, strict=True))
+        rows = np.arctan2(y, x) / np.float32(math.radians(grid.step_deg))
+        rows += np.float32((middle_deg - grid.start_deg) / grid.step_deg)
+        columns = (np.sqrt(x * x + y * y) - np.float32(grid.inner_px)) / np.float32(grid.column_px)
+        columns += np.float32(grid.tail_columns)
         rings = np.stack([cv2.remap(strip, columns, rows, cv2.INTER_LINEAR) for strip in self.blurred])
         about: Floats = rings - rings.mean(axis=1, keepdims=True)
         return about

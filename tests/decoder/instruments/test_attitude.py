@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import cv2
@@ -17,14 +18,14 @@ from decoder.imaging.unwrapping import PolarGrid, gauge_grid
 from decoder.instruments.kinds.dials.attitude import (
     AttitudeKind,
     AttitudeReader,
-    Attitudes,
     first_attitude,
     learn_attitude,
 )
+from decoder.instruments.kinds.dials.horizon import Attitudes
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
 from decoder.learning.fit import squared_up, tune
-from decoder.panel.arrays import Floats
+from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.attitude import Attitude
 from decoder.panel.scale import Scale
@@ -58,6 +59,36 @@ def described(*, ring: bool) -> dict[str, Any]:
     }
 
 
+def _box() -> tuple[slice, slice]:
+    """Where the dial lies on a canvas."""
+    reach = math.ceil((RIM_PX + 5) * SCALE)
+    left, top = (round((at + 0.5) * SCALE) for at in CENTRE)
+    return slice(top - reach, top + reach), slice(left - reach, left + reach)
+
+
+@cache
+def _around_centre() -> tuple[Floats, Floats]:
+    """Returns x and y of the canvas there, in pixels around the centre."""
+    y, x = np.mgrid[_box()].astype(np.float32)
+    return (x + 0.5) / SCALE - 0.5 - CENTRE[0], (y + 0.5) / SCALE - 0.5 - CENTRE[1]
+
+
+@cache
+def _parts_of_dial() -> tuple[Mask, Mask, Mask]:
+    """Returns what lies in the window, on the ring, and on the dial."""
+    radius = np.hypot(*_around_centre())
+    return radius < WINDOW_PX, (radius > RING_PX + 2) & (radius < RIM_PX - 2), radius < RIM_PX + 4
+
+
+@cache
+def _still_marks() -> list[tuple[Mask, float]]:
+    """Returns where the symbol, its post and the index are, and their levels."""
+    (x, y), (seen, _, _) = _around_centre(), _parts_of_dial()
+    symbol = (np.abs(y) < 1.5) & (np.abs(x) > 8) & (np.abs(x) < 30) | (np.hypot(x, y) < 2.5)
+    index = (np.abs(x) < 2) & (y < -RING_PX) & (y > -RIM_PX - 4)
+    return [(symbol, 240.0), ((np.abs(x) < 5) & (y > 30) & seen, 20.0), (index, 110.0)]
+
+
 def draw(
     roll_deg: float,
     pitch_deg: float,
@@ -78,32 +109,25 @@ def draw(
     """
 
     def what(canvas: Canvas) -> None:
-        reach = math.ceil((RIM_PX + 5) * SCALE)
-        left, top = (round((at + 0.5) * SCALE) for at in CENTRE)
-        box = slice(top - reach, top + reach), slice(left - reach, left + reach)
-        y, x = np.mgrid[box].astype(np.float32)
-        x, y = (x + 0.5) / SCALE - 0.5 - CENTRE[0], (y + 0.5) / SCALE - 0.5 - CENTRE[1]
-        radius, roll = np.hypot(x, y), math.radians(roll_deg)
-        right, up = x * math.cos(roll) - y * math.sin(roll), -x * math.sin(roll) - y * math.cos(roll)
-        levels = np.full(radius.shape, BEZEL)
-        seen = radius < WINDOW_PX
+        (x, y), roll = _around_centre(), math.radians(roll_deg)
+        levels = np.full(x.shape, BEZEL, np.float32)
+        seen, around, dial = _parts_of_dial()
         turned, way = (turn * roll for turn in turns)
         down_px = pitch_deg * A_DEGREE_PX
-        x_off, y_off = x - down_px * math.sin(way), y - down_px * math.cos(way)
+        x_off, y_off = x[seen] - down_px * math.sin(way), y[seen] - down_px * math.cos(way)
         its_right = x_off * math.cos(turned) - y_off * math.sin(turned)
         its_up = -x_off * math.sin(turned) - y_off * math.cos(turned)
-        levels[seen] = horizon(its_right[seen], its_up[seen] / A_DEGREE_PX, plain=plain, sky=sky)
+        levels[seen] = horizon(its_right, its_up / A_DEGREE_PX, plain=plain, sky=sky)
         if ring:
-            around = (radius > RING_PX + 2) & (radius < RIM_PX - 2)
-            levels[around] = marks_of_bank(right[around], up[around])
-        levels[(np.abs(y) < 1.5) & (np.abs(x) > 8) & (np.abs(x) < 30) | (radius < 2.5)] = 240.0
-        levels[(np.abs(x) < 5) & (y > 30) & seen] = 20.0
-        levels[(np.abs(x) < 2) & (y < -RING_PX) & (y > -RIM_PX - 4)] = 110.0
+            across, down = x[around], y[around]
+            right = across * math.cos(roll) - down * math.sin(roll)
+            levels[around] = marks_of_bank(right, -across * math.sin(roll) - down * math.cos(roll))
+        for place, level in _still_marks():
+            levels[place] = level
         if hand:
             levels[x < RIM_PX * (2 * hand - 1)] = 105.0
-        dial = radius < RIM_PX + 4
         glowing = levels * gain + (x * glow[0] + y * glow[1]) / WINDOW_PX
-        canvas.picture[box][dial] = glowing.clip(0, 255)[dial]
+        canvas.picture[_box()][dial] = glowing.clip(0, 255)[dial]
 
     return paint(what, seed=seed)
 
@@ -125,7 +149,7 @@ def marks_of_bank(right: Floats, up: Floats) -> Floats:
     levels = np.full(right.shape, BEZEL)
     for mark_deg in (-90, -60, -30, -20, -10, 0, 10, 20, 30, 60, 90):
         half_px = 1.0 if abs(mark_deg) in {10, 20} else 2.5 if mark_deg == 0 else 1.6
-        levels[np.abs(np.radians((bank_deg - mark_deg + 180) % 360 - 180)) * radius < half_px] = WHITE
+        levels[np.abs(np.radians(bank_deg - mark_deg)) * radius < half_px] = WHITE  # none is half a turn away
     return levels
 
 

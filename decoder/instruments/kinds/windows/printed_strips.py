@@ -362,15 +362,19 @@ def _way_between(ones: Floats, others: Floats) -> Way | None:
     """
     tries = []
     for right, down in product(APART_PX, APART_PX):
-        scores = [_alike(shifted(one, right, down), other) for one, other in zip(ones, others, strict=True)]
+        scores = _alike(np.stack([shifted(one, right, down) for one in ones]), others)
         tries.append((float(np.median(scores)), -abs(right) - abs(down), right, down))
     score, _, right, down = max(tries)
     return Way(right, down) if score >= CLEAR_SCORE else None
 
 
-def _alike(one: Floats, other: Floats) -> float:
-    with np.errstate(invalid="ignore"):  # a flat cell is like no other
-        return float(np.nan_to_num(np.corrcoef(one.ravel(), other.ravel())[0, 1]))
+def _alike(ones: Floats, others: Floats) -> Floats:
+    """(K,): how well each of some digits (K, R, W) correlates with its counterpart; a flat one is like no other."""
+    pair = [each.reshape(len(each), -1).astype(np.float64) for each in (ones, others)]
+    one, other = (each - each.mean(axis=1, keepdims=True) for each in pair)
+    spread = np.sqrt(np.vecdot(one, one) * np.vecdot(other, other))
+    scores: Floats = np.divide(np.vecdot(one, other), spread, out=np.zeros_like(spread), where=spread > 0)
+    return scores
 
 
 def _sharpness(look: Floats) -> float:
