@@ -531,7 +531,9 @@ def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
 
 
 def _correlation(one: Floats, other: Floats) -> float:
-    """Correlate two pictures; 0 if either is flat."""
+    """Correlate two pictures; 0 if either is flat, or if there is nothing to compare."""
+    if not one.size:
+        return 0.0
     one, other = one - one.mean(), other - other.mean()
     spread = math.sqrt(float((one * one).sum()) * float((other * other).sum()))
     return float((one * other).sum()) / spread if spread > 0 else 0.0
