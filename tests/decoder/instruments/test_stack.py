@@ -52,3 +52,38 @@ def test_a_needle_drawn_over_a_mark_is_read_where_no_mark_is() -> None:
 
     assert len(off) >= 0.8 * len(asked_deg)
     assert max(off) < 0.5
+
+
+def crossing(low: Hand, low_deg: float, high_deg: float, seed: int = 0) -> GreyPicture:
+    """A dial with a wide bright hand over another one."""
+    high = Hand(root_half=4.0, tip_half=3.0)
+    return paint(
+        lambda canvas: (canvas.dial(range(120, 421, 30)), canvas.hand(low, low_deg), canvas.hand(high, high_deg)),
+        seed=seed,
+    )
+
+
+def test_needle_is_not_hidden_while_the_dial_shows_something_as_large_elsewhere() -> None:
+    """One that a glint or a bad cut keeps from being found is missing; one that lies below another has its place."""
+    gauge: dict[str, Any] = {
+        "name": "both",
+        "radius": [16, 66],
+        "sweep": [120, 420],
+        "scale": [[120, 0], [420, 100]],
+        "needles": [
+            {"name": "low", "template": {"at": 160.0, "span": 12}, "covered_by": "high"},
+            {"name": "high", "template": {"at": 300.0, "span": 20}},
+        ],
+    }
+    low, glinting = (
+        Hand(tip=56.0, root_half=2.0, level=110.0),
+        Hand(tip=56.0, root_half=1.0, tip_half=6.0, level=140.0),
+    )
+    reader = reader_for([gauge], crossing(low, 160.0, 300.0, 1))
+    askew = [read_picture(reader, crossing(glinting, deg, 300.0, 2)).readings for deg in (170.0, 215.0, 350.0)]
+    below = read_picture(reader, crossing(low, 300.5, 300.0, 3)).readings
+
+    assert [own["high"].status for own in askew] == [Status.READ] * 3
+    assert [own["low"].status for own in askew] == [Status.MISSING] * 3
+    assert below["low"].status is Status.HIDDEN
+    assert apart(below["low"].angle_deg, 300.5) < 2 * below["low"].sigma_deg

@@ -244,11 +244,17 @@ class StackReader:
             worse = np.where(np.isin(before[lone, other], (MISSING,)), CLEARLY_WORSE**2, CLEARLY_WORSE**-2)
             doubtful = instead[other].is_likely & (left_instead <= worse * left)
             if both in self._alike:
-                drawn = self._drawn(seen, self._order[::-1], as_found)
-                alone = {other: replace(instead[other], row=row, score=absent + 1.0)}
-                adds = self._drawn(seen, [other], alone) - self._face
-                doubtful |= self._comparison.times_left(seen, drawn, adds) >= HALF
+                doubtful |= self._leaves_much(seen, other, row, as_found)
             found.status[lone[doubtful][:, None], both] = MISSING
+
+    def _leaves_much(self, strips: Floats, index: int, row: Floats, places: dict[int, _Places]) -> Mask:
+        """(F,): whether the dial without a needle has a residual as large as what that needle would add on a row."""
+        own = places[index]
+        absent, there = (replace(own, row=row, score=np.full(len(strips), score)) for score in (0.0, 1.0))
+        drawn = self._drawn(strips, self._order[::-1], {**places, index: absent})
+        adds = self._drawn(strips, [index], {index: there}) - self._face
+        much: Mask = self._comparison.times_left(strips, drawn, adds) >= HALF
+        return much
 
     def _drawn_by_both(
         self, strips: Floats, places: dict[int, _Places], own: int, others: dict[int, _Places], its: int
@@ -461,7 +467,10 @@ class StackReader:
         return pictures
 
     def _found(self, strips: Floats, index: int, places: dict[int, _Places], drawn: Floats) -> Found:
-        """Judge one needle's places: with all the others, it must explain the picture around it."""
+        """Judge one needle's places: with all the others, it must explain the picture around it.
+
+        Without a hidden one, the others must explain the whole dial: else it may be what they leave unexplained.
+        """
         own = places[index]
         sure, covered = own.is_sure, own.under >= 0
         above = [places[other] for other in range(len(self._templates))]
@@ -472,6 +481,10 @@ class StackReader:
         looked_at = np.where(sure | ~covered, own.row, row)
         explained = _explained(strips, drawn, looked_at, self._axes[index])
         read, hidden = sure & explained, ~sure & explained & covered & cover_sure & (score >= CLEAR_SCORE)
+        frames = np.flatnonzero(hidden)
+        if frames.size:
+            others = {other: _part(place, frames) for other, place in places.items()}
+            hidden[frames] = ~self._leaves_much(strips[frames], index, row[frames], others)
         status = np.where(read, np.where(own.visible >= WHOLE_VISIBLE, READ, EDGE), np.where(hidden, HIDDEN, MISSING))
         return Found(
             status,
@@ -518,7 +531,9 @@ def _explained(strips: Floats, drawn: Floats, rows: Floats, axis: int) -> Mask:
 
 
 def _correlation(one: Floats, other: Floats) -> float:
-    """Correlate two pictures; 0 if either is flat."""
+    """Correlate two pictures; 0 if either is flat, or if there is nothing to compare."""
+    if not one.size:
+        return 0.0
     one, other = one - one.mean(), other - other.mean()
     spread = math.sqrt(float((one * one).sum()) * float((other * other).sum()))
     return float((one * other).sum()) / spread if spread > 0 else 0.0
