@@ -157,12 +157,17 @@ class Placed:
 class DrawnInstrument(Placed):
     """A gauge and how the panel picture shows it: `strip`, as it is sampled.
 
-    `is_moved` if a flight has moved it from where it was drawn: then it is no error in the panel if no needle shows.
+    `known` are the pictures that were learned before a flight moved it from where it was drawn; None if it is there.
     """
 
     source: PanelPictures
     strip: UnwrappedGauge
-    is_moved: bool
+    known: Mapping[str, LearnedPicture] | None
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether a flight has moved it: then it is no error in the panel if no needle shows."""
+        return self.known is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +211,12 @@ class Still:
     def sampled_part(self, _grid: Grid) -> Part:
         """Return all rows and columns."""
         return ALL
+
+    def settled_pictures(
+        self, _instrument: Instrument, _strips: Sequence[UnwrappedGauge], _known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        """Return none."""
+        return {}
 
     def unexplained(
         self,

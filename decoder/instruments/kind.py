@@ -53,6 +53,15 @@ class Kind(Protocol):
         """Learn its look beyond face and templates from a sample's frames in one light; the result is by quantity."""
         ...
 
+    def settled_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        """Learn what takes too long to be learned at each place that its pivot is moved through, once it has settled.
+
+        What is given and returned is as in `learned_pictures`; nothing if all of it is known.
+        """
+        ...
+
     def unexplained(self, placed: Placed, drawn: UnwrappedGauge, strips: Sequence[UnwrappedGauge]) -> float | None:
         """Return the part of a sample's frames that is left unexplained once it has learned from them.
 

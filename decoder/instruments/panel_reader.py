@@ -409,9 +409,8 @@ def appearance_from_panel(
             looks.append(known.look_of(index, gauge))
             kept.add(index)
         else:
-            looks.append(
-                kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip, known is not None))
-            )
+            pictures = None if known is None else known.pictures
+            looks.append(kind_of(gauge).first_look(DrawnInstrument(index, gauge, grid, drawn.source, strip, pictures)))
     # a needle cut from a single picture may match no better than the threshold even in even light
     seen = Appearance.of(looks, evenly_lit_score=SCORE_THRESHOLD)
     return seen if known is None else replace(seen, taught=known.taught & kept)

@@ -19,7 +19,7 @@ from decoder.imaging.pictures import FramePicture, GreyPicture
 from decoder.imaging.planes import DialPlane, Squeeze
 from decoder.imaging.thresholds import HALF
 from decoder.imaging.unwrapping import UnwrappedGauge
-from decoder.instruments.appearance import Appearance, Instrument
+from decoder.instruments.appearance import Appearance, Instrument, LearnedPicture
 from decoder.instruments.colours import in_panels_colours
 from decoder.instruments.kind_table import kind_of
 from decoder.instruments.missing import finds_more, is_lost, is_unread, missing_part, mostly_missing
@@ -271,6 +271,7 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
         del reader, samples, last
         reader, samples, paths = around, unwrapped(around, sample(frames_wanted(around.placement))), back
         last = _learned(reader, samples, paths)
+    last = _settled(last, samples)
     pivots = [path.with_doubt(*both) for path, *both in zip(paths, last.pivots, first, strict=True)]
     told = seen_from_pivots(gauges, paths, log_odds)
     unexplained = unexplained_gauges(last.reader, lit_views(last.reader, samples), last.found)
@@ -433,6 +434,21 @@ def _learned(reader: PanelReader, samples: Sequence[UnwrappedFrame], paths: Sequ
     reader, found = learn_likely_needles(learned, samples, views, found)
     reader, found, by_motion = _learn_moving_needles(reader, first, samples, views, found)
     return _Round(reader, found, estimate_pivots(reader, samples, found, paths), by_motion)
+
+
+def _settled(last: _Round, samples: Sequence[UnwrappedFrame]) -> _Round:
+    """Learn what is not worth learning anew in each round, now that no pivot moves any more."""
+    reader = last.reader
+    if len(last.found) < FRAMES_TO_LEARN:
+        return last
+    known = reader.appearance.pictures
+    pictures: dict[str, LearnedPicture] = {}
+    for instrument, _, views in _seen(reader, samples):
+        pictures |= kind_of(instrument.gauge).settled_pictures(instrument, views, known)
+    if not pictures:
+        return last
+    reader = reader.with_appearance(replace(reader.appearance, pictures={**known, **pictures}))
+    return replace(last, reader=reader, found=read_sample(reader, samples))
 
 
 def _learn_moving_needles(

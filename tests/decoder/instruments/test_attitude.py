@@ -24,7 +24,7 @@ from decoder.instruments.kinds.dials.attitude import (
 from decoder.instruments.kinds.dials.horizon import Attitudes
 from decoder.instruments.panel_reader import PanelReader, read_picture
 from decoder.instruments.reading import FrameReadings, Status
-from decoder.learning.fit import squared_up, tune
+from decoder.learning.fit import fit_to_flight, squared_up, tune
 from decoder.panel.arrays import Floats, Mask
 from decoder.panel.gauge import Gauge
 from decoder.panel.kinds.attitude import Attitude
@@ -504,28 +504,54 @@ def test_it_is_carried_to_a_picture_of_another_size_and_attitude() -> None:
     assert [up_px for up_px, _ in own["ladder"]] == pytest.approx([2 * (up_px - 12.0) for up_px in UP_PX])
 
 
-def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:
-    """No print shows it: a panel that states a turn by half of bank is read as well as a right one."""
-    turns = 1.5, 0.75
-    described_wrongly = described(ring=True)
-    apart = math.radians((turns[0] - turns[1]) * PANEL_ROLL_DEG)
-    level_px = PANEL_PITCH_DEG * A_DEGREE_PX * math.cos(apart)
-    described_wrongly["attitude"] |= {
-        "ladder": [[deg * A_DEGREE_PX - level_px, deg] for deg in (-10, 0, 10)],
-        "horizon_turn": turns[0],
-        "shift_turn": 0.5,
-    }
+ODD_TURNS = 1.5, 0.75
+
+
+@cache
+def odd_flight() -> list[GreyPicture]:
+    """Frames in which the horizon turns and shifts in its own way; the first is the panel picture."""
     way = np.linspace(0.0, 2.0 * math.pi, 16)
     rolls, pitches = 45.0 * np.sin(1.3 * way + 3.1), 13.0 * np.sin(2.1 * way + 5.7)
     attitudes = zip(rolls.tolist(), pitches.tolist(), strict=True)
-    frames = [draw(*both, 500 + seed, turns=turns) for seed, both in enumerate(attitudes)]
-    reader = reader_for([described_wrongly], draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, turns=turns), frames)
+    frames = [draw(*both, 500 + seed, turns=ODD_TURNS) for seed, both in enumerate(attitudes)]
+    return [draw(PANEL_ROLL_DEG, PANEL_PITCH_DEG, 1, turns=ODD_TURNS), *frames]
 
-    assert reader.appearance.pictures["roll_deg"].shift_turn == pytest.approx(turns[1], abs=0.01)
+
+def described_wrongly() -> dict[str, Any]:
+    """An odd gauge by someone who took its shift to turn by half of bank."""
+    apart = math.radians((ODD_TURNS[0] - ODD_TURNS[1]) * PANEL_ROLL_DEG)
+    level_px = PANEL_PITCH_DEG * A_DEGREE_PX * math.cos(apart)
+    gauge = described(ring=True)
+    gauge["attitude"] |= {
+        "ladder": [[deg * A_DEGREE_PX - level_px, deg] for deg in (-10, 0, 10)],
+        "horizon_turn": ODD_TURNS[0],
+        "shift_turn": 0.5,
+    }
+    return gauge
+
+
+def test_way_of_an_odd_horizons_shift_is_told_by_the_flight() -> None:
+    """No print shows it: a panel that states a turn by half of bank is read as well as a right one."""
+    panel, *frames = odd_flight()
+    reader = reader_for([described_wrongly()], panel, frames)
+
+    assert reader.appearance.pictures["roll_deg"].shift_turn == pytest.approx(ODD_TURNS[1], abs=0.01)
     for roll_deg, pitch_deg in ((38.0, 9.0), (-35.0, -9.0), (0.0, 6.0)):
-        read = read_picture(reader, draw(roll_deg, pitch_deg, 600, turns=turns))
+        read = read_picture(reader, draw(roll_deg, pitch_deg, 600, turns=ODD_TURNS))
         assert read.readings["pitch_deg"].status is Status.READ
         assert values(reader, read)["pitch_deg"] == pytest.approx(pitch_deg, abs=0.1)
+
+
+@pytest.mark.slow
+def test_way_of_an_odd_horizons_shift_is_told_around_the_pivot_where_the_flight_shows_it() -> None:
+    """Around a centre that was drawn wrong it is told wrong as well: that does not stay."""
+    panel, *frames = odd_flight()
+    off_px = 1.0
+    gauge = described_wrongly() | {"centre": [CENTRE[0], CENTRE[1] + off_px]}
+    fitted = fit_to_flight(reader_for([gauge], panel), lambda _: frames[::2])
+
+    assert fitted.moved_px["attitude"] == pytest.approx((0.0, -off_px), abs=0.1)
+    assert fitted.reader.appearance.pictures["roll_deg"].shift_turn == pytest.approx(ODD_TURNS[1], abs=0.01)
 
 
 def test_way_of_an_odd_horizons_shift_stays_as_drawn_without_bank() -> None:

@@ -198,10 +198,10 @@ def learn_attitude(
     A ring that is not read in most frames, or at another turn than its horizon, may be none: something else moves where
     it was drawn, as the sky does beside a ring that is drawn too wide. If more than twice as many frames are read by
     the horizon alone, and more rolls than by the ring, it is learned without a ring. A ring around a horizon that is
-    hard to see tells more.
+    hard to see tells more. A law that was learned around another pivot stays as it is.
     """
     views, bare = list(_views(own, strips, ring)), list(_views(own, strips, None))
-    if ring is not None and own.is_odd and _has_banked(own, views):
+    if ring is not None and own.is_odd and not given.is_law_from_afar and _has_banked(own, views):
         learned = _learn_with_law(own, views, given, ring)
     else:
         learned = _put_together(own, views, given, ring, ROUNDS)
@@ -268,18 +268,20 @@ def _learn_with_law(own: Attitudes, views: Sequence[_View], given: AttitudePictu
     frames and the picture composed by the best one so far: with a new picture, or fewer frames, chance would decide.
     """
 
-    def composed(parts: float, start: AttitudePicture, rounds: int) -> tuple[float, AttitudePicture]:
+    def composed(parts: float, start: AttitudePicture, rounds: int) -> AttitudePicture:
         law = own.own.shift_turn + parts * own.own.horizon_turn / LAW_PARTS
-        moving = own.shifting(law)
-        picture = _put_together(moving, views, replace(start, shift_turn=law), ring, rounds)
-        return _unexplained(moving, views, picture, ring), picture
+        return _put_together(own, views, replace(start, shift_turn=law), ring, rounds)
 
-    tried, best = {0: composed(0, given, ROUNDS)}, 0
+    def tried_from(start: AttitudePicture, parts: int, rounds: int) -> tuple[float, AttitudePicture]:
+        picture = composed(parts, start, rounds)
+        return _unexplained(own, views, picture, ring), picture
+
+    tried, best = {0: tried_from(given, 0, ROUNDS)}, 0
     for step in LAW_STEPS:
         for _ in range(LAW_PARTS):
             for parts in (best - step, best + step):
                 if parts not in tried:
-                    tried[parts] = composed(parts, tried[best][1], 1)
+                    tried[parts] = tried_from(tried[best][1], parts, 1)
             before, best = best, min(tried, key=lambda parts: tried[parts][0])
             if best == before:
                 break
@@ -288,7 +290,7 @@ def _learn_with_law(own: Attitudes, views: Sequence[_View], given: AttitudePictu
     below, here, above = (tried[best + parts][0] for parts in (-1, 0, 1))
     bend = below - 2 * here + above
     lowest = best + (below - above) / (2 * bend) if bend > 0 else best
-    learned = composed(lowest, tried[best][1], 2)[1]
+    learned = composed(lowest, tried[best][1], 2)
     return given if learned.horizon is given.horizon else learned
 
 
@@ -301,13 +303,13 @@ def _unexplained(own: Attitudes, views: Sequence[_View], picture: AttitudePictur
 def _put_together(
     own: Attitudes, frames: Sequence[_View], given: AttitudePicture, ring: Ring | None, rounds: int
 ) -> AttitudePicture:
-    """Compose it from frames, with one law of shifting.
+    """Compose it from frames, moving as the one that is given does.
 
     If the symbol covers the horizon in the panel picture, few frames match it, so until the last round the best matches
     are used even if they are poor. Without a ring, a frame that matches elsewhere about as well may be upside down, and
     is used only if there are few others; one that seems inverted is never used, as its sky may be the others' ground.
     """
-    known = given
+    own, known = own.moving_as(given), given
     for number in range(rounds):
         reader = AttitudeReader(own, known, ring)
         # Until it is known what stands still over it, a horizon matches upside down as well as upright.
@@ -409,7 +411,11 @@ class AttitudeKind(Still):
     def first_look(self, drawn: DrawnInstrument) -> Look:
         own = Attitudes.of(drawn.gauge, drawn.grid)
         ring = None if own.own.ring is None else first_card(drawn.strip[:, own.ring], own.ring_grid)
-        return Look(drawn.strip, pictures={own.own.roll: first_attitude(own, drawn.strip, ring)})
+        picture = first_attitude(own, drawn.strip, ring)
+        if drawn.known is not None:
+            law = drawn.known[own.own.roll].shift_turn
+            picture = replace(picture, shift_turn=law, is_law_from_afar=law != picture.shift_turn)
+        return Look(drawn.strip, pictures={own.own.roll: picture})
 
     def learned_pictures(
         self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
@@ -420,6 +426,16 @@ class AttitudeKind(Still):
             rings = [strip[:, own.ring] for strip in strips]
             given = replace(given, ring=learn_card(own.gauge, own.ring_grid, rings, given.ring))
         return {own.own.roll: learn_attitude(own, strips, given, _ring_of(own, given))}
+
+    def settled_pictures(
+        self, instrument: Instrument, strips: Sequence[UnwrappedGauge], known: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        own = Attitudes.of(instrument.gauge, instrument.grid)
+        picture: AttitudePicture = known[own.own.roll]
+        ring = _ring_of(own, picture)
+        if ring is None or not picture.is_law_from_afar:
+            return {}
+        return {own.own.roll: learn_attitude(own, strips, first_attitude(own, picture.drawn, picture.ring), ring)}
 
     def squeeze(self, instrument: Instrument, strips: Sequence[UnwrappedGauge], *, is_lost: bool) -> Squeeze | None:
         """Return the squeeze for a horizon that is read: it makes bank marks seem to turn too far, or too little."""

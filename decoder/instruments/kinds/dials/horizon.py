@@ -91,6 +91,8 @@ class AttitudePicture:
         Whether it was composed from frames; the panel picture shows all that lies over the horizon too.
     tilted_deg
         How much further clockwise than drawn the panel picture shows the horizon, where no ring tells.
+    is_law_from_afar
+        Whether `shift_turn` was learned before the dial was moved to where it is now.
     """
 
     horizon: Floats
@@ -102,6 +104,7 @@ class AttitudePicture:
     origin: Place = AS_DRAWN
     is_learned: bool = False
     tilted_deg: float = 0.0
+    is_law_from_afar: bool = False
 
 
 @dataclass(frozen=True, slots=True)

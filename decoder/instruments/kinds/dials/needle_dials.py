@@ -91,6 +91,11 @@ class NeedleKind:
     ) -> Mapping[str, LearnedPicture]:
         return {}
 
+    def settled_pictures(
+        self, _: Instrument, __: Sequence[UnwrappedGauge], ___: Mapping[str, LearnedPicture]
+    ) -> Mapping[str, LearnedPicture]:
+        return {}
+
     def unexplained(self, _: Placed, __: UnwrappedGauge, ___: Sequence[UnwrappedGauge]) -> float | None:
         return None
 
