@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import itemgetter
 from typing import Self
 
 import cv2
@@ -215,26 +214,33 @@ def _told(seen: Sequence[_Seen]) -> list[Squeeze | None] | None:
 def _likely_view(places: Floats, own: Floats, shares: Floats) -> Floats:
     """(N, 2): the squeezes at places (N, 2) in the view with which most of what N dials show agrees."""
 
-    def agreement(view: Floats, within: float = AGREEING) -> float:
-        unusual = float(np.square((view[2:] - USUAL_LENS) / LENS_SPREAD).sum())
-        agrees = _agreement(_seen_from(view, places) - own, within)
-        return float(shares @ agrees - LENS_WEIGHT * unusual * shares.sum())
+    def agreement(views: Floats, within: float = AGREEING) -> Floats:
+        unusual = np.square((views[:, 2:] - USUAL_LENS) / LENS_SPREAD).sum(axis=1)
+        agrees = _agreement(_seen_from(views, places) - own, within)
+        height: Floats = agrees @ shares - LENS_WEIGHT * unusual * shares.sum()
+        return height
 
-    views = [np.array([x, y, focal, 0.0]) for x in SLOPES for y in SLOPES for focal in FOCALS]
+    views = np.array([[x, y, focal, 0.0] for x in SLOPES for y in SLOPES for focal in FOCALS])
     for within in WITHIN:  # the widest first, in which no view is missed between two of them
         about = partial(agreement, within=within)
-        views = sorted((_higher(about, view) for view in sorted(views, key=about)[-STARTS:]), key=about)
-    return _seen_from(views[-1], places)
+        starts = views[np.argsort(about(views), kind="stable")[-STARTS:]]
+        views = np.stack([_higher(about, start) for start in starts])
+    squeezes: Floats = _seen_from(views[about(views).argmax()][None], places)[0]
+    return squeezes
 
 
-def _higher(agreement: Callable[[Floats], float], view: Floats) -> Floats:
+def _higher(agreement: Callable[[Floats], Floats], view: Floats) -> Floats:
     """(4,): climb from a view to where agreement is highest."""
+    height = agreement(view[None])[0]
     for halved in range(HALVINGS):
         steps = np.diag(FIRST_STEPS) / 2**halved
-        likely = max((view + step for step in (*steps, *-steps)), key=agreement)
-        while agreement(likely) > agreement(view):
-            view = likely
-            likely = max((view + step for step in (*steps, *-steps)), key=agreement)
+        rises = True
+        while rises:
+            around = view + np.concatenate([steps, -steps])
+            heights = agreement(around)
+            rises = heights.max() > height
+            if rises:
+                height, view = heights.max(), around[heights.argmax()]
     return view
 
 
@@ -244,26 +250,26 @@ def _agreement(apart: Floats, within: float = AGREEING) -> Floats:
     return agrees
 
 
-def _seen_from(view: Floats, places: Floats) -> Floats:
-    """(N, 2): the squeezes of dials on a flat panel, at places (N, 2), from a camera's slope and lens (4,).
+def _seen_from(views: Floats, places: Floats) -> Floats:
+    """(V, N, 2): the squeezes of dials on a flat panel, at places (N, 2), from V cameras' slopes and lenses (V, 4).
 
     What is a step along the panel appears as its components beside the direction in which the camera sees that place.
     """
-    slope, (focal, barrel) = view[:2], view[2:]
-    beside = places / math.exp(focal)
-    ahead = slope - beside
-    even = np.eye(2) + beside[:, :, None] * beside[:, None, :]
-    squared = (1.0 + slope @ slope) * even - ahead[:, :, None] * ahead[:, None, :]
+    slopes, focals, barrels = views[:, None, :2], views[:, 2, None, None], views[:, 3, None, None, None]
+    beside = places / np.exp(focals)
+    ahead = slopes - beside
+    even = np.eye(2) + beside[..., :, None] * beside[..., None, :]
+    squared = (1.0 + np.square(slopes).sum(axis=-1))[..., None, None] * even - ahead[..., :, None] * ahead[..., None, :]
     off_px2 = np.square(places).sum(axis=1)[:, None, None]
-    lens = (1.0 + barrel * off_px2) * np.eye(2) + 2.0 * barrel * places[:, :, None] * places[:, None, :]
+    lens = (1.0 + barrels * off_px2) * np.eye(2) + 2.0 * barrels * places[:, :, None] * places[:, None, :]
     return _parts(lens @ squared @ lens)
 
 
 def _parts(squared: Floats) -> Floats:
-    """(N, 2): the squeezes in which a unit circle appears so far from its middle along any x: the root of x A x."""
-    half = squared + np.sqrt(np.linalg.det(squared))[:, None, None] * np.eye(2)
-    parts: Floats = np.stack([half[:, 0, 0] - half[:, 1, 1], 2.0 * half[:, 0, 1]], axis=1)
-    parts /= np.trace(half, axis1=1, axis2=2)[:, None]
+    """(..., 2): the squeezes in which a unit circle appears so far from its middle along any x: the root of x A x."""
+    half = squared + np.sqrt(np.linalg.det(squared))[..., None, None] * np.eye(2)
+    parts: Floats = np.stack([half[..., 0, 0] - half[..., 1, 1], 2.0 * half[..., 0, 1]], axis=-1)
+    parts /= np.trace(half, axis1=-2, axis2=-1)[..., None]
     return parts
 
 
@@ -289,10 +295,9 @@ class _Circles:
         """Search from around a middle for the squeeze (2,) with the largest share of circles; return both."""
         coarse = _Circles(np.asarray(cv2.GaussianBlur(self.picture, (0, 0), COARSE_PX), np.float32))
         starts, roughly = self._starts(middle), coarse._starts(middle)
-        near = [climbed(coarse.shares, start, ALL_AXES, REACH)[1] for start in roughly]
-        found = [climbed(self.shares, start, ALL_AXES, REACH) for start in (*starts, *near)]
-        share, view = max(found, key=itemgetter(0))
-        return share, view[2:]
+        _, near = climbed(coarse.shares, roughly, ALL_AXES, REACH)
+        shares, views = climbed(self.shares, np.concatenate([starts, near]), ALL_AXES, REACH)
+        return float(shares.max()), views[shares.argmax(), 2:]
 
     def _starts(self, middle: Floats) -> Floats:
         """(N, 4): for each of some squeezes, the likeliest of some middles.
@@ -308,17 +313,18 @@ class _Circles:
 
     def around(self, squeeze: Floats) -> tuple[float, Floats]:
         """Search for the middle (2,), in radii, with the largest share of circles in a squeeze (2,); return both."""
-        share, view = climbed(self.shares, np.array([0.0, 0.0, *squeeze]), ALL_AXES - SQUEEZE_AXES, REACH)
-        return share, view[:2]
+        shares, views = climbed(self.shares, np.array([[0.0, 0.0, *squeeze]]), ALL_AXES - SQUEEZE_AXES, REACH)
+        return float(shares[0]), views[0, :2]
 
     def shares(self, views: Floats) -> Floats:
         """(N,): which share of what changes along the radii does so on whole circles, in each of N views (4,)."""
-        return np.array([self._share(*view) for view in views.tolist()])
-
-    def _share(self, right: float, down: float, across: float, askew: float) -> float:
-        middle = len(self.picture) // 2
-        moved = np.column_stack([Squeeze(across, askew).matrix, [right, down]]) * RADIUS_PX
-        places = cv2.transform(RINGS, moved + np.array([[0.0, 0.0, middle]]))
-        changes = np.diff(levels_at(self.picture, places).reshape(len(AROUND), len(CIRCLES)), axis=1)
-        on_circles = np.square(changes.mean(axis=0)).sum()
-        return float(on_circles / (np.square(changes).sum() / len(changes) + NOISE_LEVELS**2 * changes.shape[1]))
+        right, down, across, askew = RADIUS_PX * views.T
+        middle = np.full(len(views), float(len(self.picture) // 2))
+        moved = np.array([[RADIUS_PX + across, askew, middle + right], [askew, RADIUS_PX - across, middle + down]])
+        places = np.concatenate([cv2.transform(RINGS, each) for each in np.moveaxis(moved, -1, 0)])
+        levels = levels_at(self.picture, places).reshape(len(views), *RINGS.shape[:2])
+        changes = np.diff(levels, axis=2)
+        on_circles = np.square(changes.mean(axis=1)).sum(axis=1)
+        every = np.square(changes).reshape(len(views), -1).sum(axis=1)
+        shares: Floats = on_circles / (every / len(AROUND) + NOISE_LEVELS**2 * changes.shape[2])
+        return shares

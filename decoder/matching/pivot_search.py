@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from operator import itemgetter
 from typing import Self
 
 import cv2
@@ -58,6 +57,8 @@ SQUEEZE_AXES: Axes = frozenset({2, 3})
 ALL_AXES: Axes = frozenset({0, 1}) | SQUEEZE_AXES
 # Fewer marks, or waves, all round a dial hardly show where it is squeezed; marks lie in a fraction of the radii.
 FEWEST_MARKS, BANDS = 12, 4
+# So many views are sampled at once: OpenCV fills less than 32,767 rows, and the processor's cache holds less still.
+AT_ONCE = 32
 # A needle of the panel picture is searched for up to this far from where it is drawn.
 BESIDE_DEG = 10.0
 # The frames that show a needle elsewhere, and so what lies behind it: the most different third of them.
@@ -279,7 +280,7 @@ def card_squeeze(
     if len(strips) <= 1:
         return None
     search = _ViewSearch.of(grid, strips)
-    square_on, round_view = search.climb(np.zeros(4), axes - SQUEEZE_AXES)
+    square_on, round_view = search.climb(np.zeros((1, 4)), axes - SQUEEZE_AXES)
     highest, view = search.best(axes, round_view)
     return Squeeze(*view[2:].tolist()) if 1.0 - highest < most_left * (1.0 - square_on) else None
 
@@ -314,15 +315,15 @@ class _ViewSearch:
             self.known[view] = _alike(around)
         return self.known[view]
 
-    def climb(self, start: Floats, axes: Axes) -> tuple[float, Floats]:
-        """Climb from a view (4,) to a better one; return how well frames match in it, and the view."""
-        return climbed(self.score, start, axes, self.reach)
+    def climb(self, starts: Floats, axes: Axes) -> tuple[float, Floats]:
+        """Climb from views (N, 4) to the best one; return how well frames match in it, and the view."""
+        heights, views = climbed(self.score, starts, axes, self.reach)
+        return float(heights.max()), views[heights.argmax()]
 
     def best(self, axes: Axes, square_on: Floats) -> tuple[float, Floats]:
         """Climb to the best view, also from the best without a squeeze."""
         squeezes = np.pad(_disc(self.reach, STEP_PART), ((0, 0), (2, 0)))
-        starts = np.zeros(4), square_on, squeezes[self.score(squeezes).argmax()]
-        return max((self.climb(start, axes) for start in starts), key=itemgetter(0))
+        return self.climb(np.stack([np.zeros(4), square_on, squeezes[self.score(squeezes).argmax()]]), axes)
 
 
 def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None:
@@ -337,33 +338,35 @@ def even_marks_squeeze(grid: PolarGrid, drawn: UnwrappedGauge) -> Squeeze | None
     rings = _Rings.of(grid, [drawn], reach * radius_px)
 
     def score(views: Floats, rings: _Rings = rings) -> Floats:
-        seen = ((radius_px * x, radius_px * y, Squeeze(*squeeze)) for x, y, *squeeze in views.tolist())
-        return np.array([_even(rings.around((x_px, y_px), squeeze)[0]) for x_px, y_px, squeeze in seen])
+        parts = np.split(views, range(AT_ONCE, len(views), AT_ONCE))
+        return np.concatenate([_even(rings.seen(radius_px * each[:, :2], each[:, 2:])[:, 0]) for each in parts])
 
     # Many marks are in step in some wrong views too, so views have to be close to each other, if not with all radii.
     near, views = _disc(reach / 4, STEP_PART / 2), _disc(reach / 2, STEP_PART / 2)
     starts = np.array([[*offset, *squeeze] for offset in near for squeeze in views])
     thin = replace(rings, radii_px=rings.radii_px[::BANDS])
     likely = starts[np.argsort(score(starts, thin))[-BANDS:]]
-    square_on, _ = climbed(score, np.zeros(4), ALL_AXES - SQUEEZE_AXES, reach)
-    found = [climbed(score, start, ALL_AXES, reach) for start in likely]
-    highest, view = max(found, key=itemgetter(0))
+    (square_on,), _ = climbed(score, np.zeros((1, 4)), ALL_AXES - SQUEEZE_AXES, reach)
+    heights, views = climbed(score, likely, ALL_AXES, reach)
+    highest, view = heights.max(), views[heights.argmax()]
     is_clear = 1.0 - highest < min(HALF * HALF, FAR_GAIN * (1.0 - square_on))
     return Squeeze(*view[2:].tolist()) if is_clear else None
 
 
-def _even(ring: Floats) -> float:
-    """Return how much of what a ring (angles, radii) shows is even, in the band of radii where most of it is.
+def _even(rings: Floats) -> Floats:
+    """(V,): how much of what each ring (V, angles, radii) shows is even, in the band of radii where most of it is.
 
     That is the share of it that recurs after some part of a turn, all the way round, beyond the share that noise has.
     """
-    power = np.square(np.abs(np.fft.rfft(ring, axis=0)))[FEWEST_MARKS:].astype(np.float32)
-    width = ring.shape[1] // BANDS
-    sums = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
-    bands = sums[:, width:] - sums[:, :-width]
-    is_of = _waves_of_marks(len(power))
-    shares = is_of @ (bands / (bands.sum(axis=0) + NOISE_LEVELS**2 * width * len(ring)))
-    return float((shares.max(axis=1) - is_of.mean(axis=1)).max())
+    power = np.square(np.abs(np.fft.rfft(rings, axis=1)))[:, FEWEST_MARKS:].astype(np.float32)
+    width = rings.shape[2] // BANDS
+    sums = np.cumsum(np.pad(power, ((0, 0), (0, 0), (1, 0))), axis=2)
+    bands = sums[..., width:] - sums[..., :-width]
+    is_of = _waves_of_marks(power.shape[1])
+    noise = NOISE_LEVELS**2 * width * rings.shape[1]
+    shares = is_of @ (bands / (bands.sum(axis=1, keepdims=True) + noise))
+    most: Floats = (shares.max(axis=2) - is_of.mean(axis=1)).max(axis=1)
+    return most
 
 
 @cache
@@ -374,24 +377,34 @@ def _waves_of_marks(count: int) -> Floats:
     return is_of
 
 
-def climbed(score: Score, start: Floats, axes: Axes, reach: float) -> tuple[float, Floats]:
-    """Climb along some axes of a view to a peak of the score in ever smaller steps; return its height and place.
+def climbed(score: Score, starts: Floats, axes: Axes, reach: float) -> tuple[Floats, Floats]:
+    """Climb from each of S views along some axes to a peak of the score in ever smaller steps.
 
-    A view (4,) is an offset and a squeeze, all as parts of the radius; together they stay within `reach`.
+    A view is an offset and a squeeze, all as parts of the radius; together they stay within `reach`. All climbs are at
+    the same size of step, so that many views are scored at once.
+
+    Returns
+    -------
+    heights : (S,)
+    views : (S, 4)
     """
     ways = np.eye(4)[sorted(axes)]
     ways = np.concatenate([ways, -ways])
-    height, view = float(score(start[None])[0]), start
+    heights, views = score(starts).astype(np.float64), starts.copy()
     for halved in range(HALVINGS):
-        rises = len(ways) > 0
-        while rises:
-            around = view + STEP_PART / 2**halved * ways
-            around = around[np.hypot(*around[:, :2].T) + np.hypot(*around[:, 2:].T) <= reach]
-            heights = score(around)
-            rises = max(heights, default=0.0) > height
-            if rises:
-                height, view = float(heights.max()), around[heights.argmax()]
-    return height, view
+        rising = np.arange(len(views) if len(ways) else 0)
+        while len(rising):
+            around = views[rising, None] + STEP_PART / 2**halved * ways
+            x, y, across, askew = np.moveaxis(around, -1, 0)
+            is_within = np.hypot(x, y) + np.hypot(across, askew) <= reach
+            found = np.full(is_within.shape, -np.inf)
+            if is_within.any():
+                found[is_within] = score(around[is_within])
+            best, highest = found.argmax(axis=1), found.max(axis=1)
+            rises = highest > heights[rising]
+            rising = rising[rises]
+            heights[rising], views[rising] = highest[rises], around[rises, best[rises]]
+    return heights, views
 
 
 def _most_different(strips: Sequence[UnwrappedGauge]) -> list[UnwrappedGauge]:
@@ -442,19 +455,28 @@ class _Rings:
 
     def around(self, offset_px: Floats | Vector, squeeze: Squeeze = ROUND) -> Floats:
         """(F, A, N): frames around another centre, where circles appear squeezed, about the mean of each circle."""
+        rings: Floats = self.seen(np.array([offset_px]), np.array([[squeeze.across, squeeze.askew]]))[0]
+        return rings
+
+    def seen(self, offsets_px: Floats, squeezes: Floats) -> Floats:
+        """(V, F, A, N): the same around each of V centres (V, 2), with the parts of each squeeze (V, 2)."""
         grid, ways = self.grid, np.stack([np.cos(self.angles), np.sin(self.angles)])
         # Turned so that the grid's middle row lies to the right: an angle and its row then end at the same place.
         middle_deg = grid.angle_deg((grid.rows - 1) / 2)
         cos, sin = math.cos(math.radians(middle_deg)), math.sin(math.radians(middle_deg))
-        back = np.array([[cos, sin], [-sin, cos]])
-        off_px, ways = back @ offset_px, (back @ squeeze.matrix @ ways).astype(np.float32)
-        x, y = (off + way[:, None] * self.radii_px for off, way in zip(off_px.astype(np.float32), ways, strict=True))
+        back, (across, askew) = np.array([[cos, sin], [-sin, cos]]), squeezes.T
+        squeezed = np.moveaxis(np.array([[1.0 + across, askew], [askew, 1.0 - across]]), -1, 0)
+        off_px, ways = (offsets_px @ back.T).astype(np.float32), (back @ squeezed @ ways).astype(np.float32)
+        x, y = (off_px[:, axis, None, None] + ways[:, axis, :, None] * self.radii_px for axis in (0, 1))
         rows = np.arctan2(y, x) / np.float32(math.radians(grid.step_deg))
         rows += np.float32((middle_deg - grid.start_deg) / grid.step_deg)
         columns = (np.sqrt(x * x + y * y) - np.float32(grid.inner_px)) / np.float32(grid.column_px)
         columns += np.float32(grid.tail_columns)
-        rings = np.stack([cv2.remap(strip, columns, rows, cv2.INTER_LINEAR) for strip in self.blurred])
-        about: Floats = rings - rings.mean(axis=1, keepdims=True)
+        flat, shape = (-1, len(self.radii_px)), rows.shape
+        rows, columns = rows.reshape(flat), columns.reshape(flat)
+        levels = [cv2.remap(strip, columns, rows, cv2.INTER_LINEAR).reshape(shape) for strip in self.blurred]
+        rings = np.stack(levels, axis=1)
+        about: Floats = rings - rings.mean(axis=2, keepdims=True)
         return about
 
 
