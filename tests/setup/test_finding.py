@@ -273,6 +273,36 @@ def test_an_oblique_dial_is_squared_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("flat", [0.92, 0.8])
+def test_ticks_part_of_the_way_around_are_found_as_their_circles_show_them(
+    flat: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three quarters of a ring determine no plane, but the rim around them is a circle in one only."""
+    large = np.full((1600, 1600), 40, np.uint8)
+    for angles, inner in ((between(EVEN, 5), 0.92), (EVEN.values(), 0.85)):
+        for angle_deg in angles:
+            _stroke(large, CENTRE, math.radians(angle_deg), (inner * RADIUS_PX, RADIUS_PX), 10, flat)
+    middle = round(4 * CENTRE[0] + 1.5), round(4 * CENTRE[1] + 1.5)
+    rim_px = 4.6 * RADIUS_PX
+    cv2.ellipse(large, middle, (round(rim_px), round(flat * rim_px)), 0, 0, 360, 140, 12, cv2.LINE_AA)
+
+    (dial,) = found(_photographed(large, 7), printed(EVEN, flat=flat), monkeypatch)
+
+    assert not dial.comb.is_all_round
+    assert math.dist(dial.centre, CENTRE) < 1.5
+    assert dial.comb.shape[1, 1] / dial.comb.shape[0, 0] == pytest.approx(flat, abs=0.02)
+
+
+def test_a_number_that_begins_with_its_point_is_one() -> None:
+    """As on scales below 1; a full stop before a word is none."""
+    values = [Text(said, (0.0, 0.0), (9.0, 9.0), 0.0, 0.9).value for said in (".5", ".25", "0.5", ".", "..5", ".a")]
+
+    assert values[:3] == [0.5, 0.25, 0.5]
+    assert values[3] is None
+    assert values[5] is None
+
+
+@pytest.mark.slow
 def test_a_rose_begins_at_its_own_mark_however_fine_its_ticks_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a tick every 3 degrees, and long ones behind a needle: a step further on, all numerals have ticks, too."""
     marks = {value: 270.0 + value for value in range(0, 360, 30)}

@@ -33,7 +33,7 @@ from decoder.setup.finding.thresholds import (
     MOST_HEIGHTS,
     RAGGED_PX,
 )
-from decoder.setup.finding.ticks import Comb, comb_around, comb_on, combs_by
+from decoder.setup.finding.ticks import Comb, as_circles_show, comb_around, comb_on, combs_by
 
 # How many places that are aimed at are examined, and their minimum distance.
 PLACES, APART_PX = 60, 10.0
@@ -91,8 +91,8 @@ def seen_around(texts: Sequence[Text], drawn: DrawnPlane) -> list[Numeral]:
 
 
 def fits_around(texts: Sequence[Text], drawn: DrawnPlane) -> list[Fit]:
-    """List the scales that numbers around a pivot may form, in each of their readings."""
-    return [fit for reading in readings(texts) for fit in fits(seen_around(reading, drawn))]
+    """List the scales that numbers around a pivot may form, in any of their readings, each once."""
+    return list(dict.fromkeys(fit for reading in readings(texts) for fit in fits(seen_around(reading, drawn))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +115,10 @@ def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
         if {each.at for each in group[0][2].numerals} & taken:
             continue
         yield Place(group[0][1], group[0][2].radius_px)
-        dial = _best(page, [(place, fit.radius_px) for _, place, fit in group], aimed, group[0][2])
-        if dial is None or dial.comb.miss_px > RAGGED_PX or any(_same(dial, other) for other in found):
+        comb = _best(page, [(place, fit.radius_px) for _, place, fit in group], group[0][2])
+        if comb is None or any(_same(comb, other.comb) for other in found):
             continue
+        dial = _read(page, comb, aimed)
         found.append(dial)
         taken |= {each.at for fit in dial.fits for each in fit.numerals}
         yield dial
@@ -129,12 +130,12 @@ def dials_seen(page: Page) -> Iterator[Place | FoundDial]:
         likely = likely_px(page.strokes, place)
         if likely:
             yield Place(place, likely[0])
-        dial = _best(page, [(place, radius_px) for radius_px in likely], aimed)
-        if dial is None or dial.comb.miss_px > RAGGED_PX or len(dial.comb.ticks) < CLEAR_TICKS:
+        comb = _best(page, [(place, radius_px) for radius_px in likely])
+        if comb is None or len(comb.ticks) < CLEAR_TICKS or any(_same(comb, each.comb) for each in found):
             continue
-        if not any(_same(dial, each) for each in found):
-            found.append(dial)
-            yield dial
+        dial = _read(page, comb, aimed)
+        found.append(dial)
+        yield dial
 
 
 def holds_others(dial: FoundDial, found: Sequence[FoundDial]) -> bool:
@@ -147,8 +148,8 @@ def holds_others(dial: FoundDial, found: Sequence[FoundDial]) -> bool:
     )
 
 
-def _same(one: FoundDial, other: FoundDial) -> bool:
-    return math.dist(one.centre, other.centre) < max(one.comb.rim.radius_px, other.comb.rim.radius_px)
+def _same(one: Comb, other: Comb) -> bool:
+    return math.dist(one.rim.centre, other.rim.centre) < max(one.rim.radius_px, other.rim.radius_px)
 
 
 def _looks(page: Page, places: Sequence[tuple[XY, float]]) -> Iterator[tuple[float, XY, Fit]]:
@@ -210,17 +211,41 @@ def amid_numerals(texts: Sequence[Text]) -> Iterator[XY]:
             yield place
 
 
-def _best(
-    page: Page, tries: Sequence[tuple[XY, float]], aimed: Floats, numbered: Fit | None = None
-) -> FoundDial | None:
+def _best(page: Page, tries: Sequence[tuple[XY, float]], numbered: Fit | None = None) -> Comb | None:
+    """Find the likeliest comb of a dial; None where the ends of no comb's ticks lie on circles."""
     strokes = page.strokes if numbered is None else _beside(page.strokes, numbered)
-    combs = [comb_around(page.picture, page.planes, strokes, place, radius_px) for place, radius_px in tries]
-    if numbered is not None and not any(comb is not None and _numbered(page, comb) for comb in combs):
-        combs.append(_short_comb(page, tries[0][0], numbered))
-    there = [comb for comb in combs if comb is not None]
-    if not there:
-        return None
-    comb = max(there, key=lambda each: (_numbered(page, each), (len(each.ticks) + each.lines) / (1.0 + each.miss_px)))
+    found = [comb_around(page.picture, page.planes, strokes, place, radius_px) for place, radius_px in tries]
+    combs = [_Likely.of(page, comb) for comb in found if comb is not None]
+    if numbered is not None and not any(each.numbered for each in combs):
+        short = _short_comb(page, tries[0][0], numbered)
+        combs += [] if short is None else [_Likely.of(page, short)]
+    if page.planes.inches is None and all(each.comb.miss_px > RAGGED_PX for each in combs):
+        aside = [as_circles_show(page.picture, page.planes, each.comb) for each in combs]
+        combs = [_Likely.of(page, comb) for comb in aside if comb is not None]
+    best = max(combs, key=lambda each: each.rank, default=None)
+    return None if best is None or best.comb.miss_px > RAGGED_PX else best.comb
+
+
+@dataclass(frozen=True, slots=True)
+class _Likely:
+    """A comb that may be a dial's, and the weight of the numerals that fit its ticks without any doubt."""
+
+    comb: Comb
+    numbered: float
+
+    @classmethod
+    def of(cls, page: Page, comb: Comb) -> _Likely:
+        scales = (marked(fit, comb) for fit in fits_around(page.texts, comb.rim.drawn))
+        return cls(comb, max((scale.fit.weight for scale in scales if not scale.doubt), default=0.0))
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """The likelier, the larger."""
+        return self.numbered, (len(self.comb.ticks) + self.comb.lines) / (1.0 + self.comb.miss_px)
+
+
+def _read(page: Page, comb: Comb, aimed: Floats) -> FoundDial:
+    """Read what is printed on a dial, from close up."""
     drawn = comb.rim.drawn
     reach_px = max(tick.outer_px for tick in comb.ticks) * SHOWN
     texts = [text for text in page.texts if drawn.polar(text.at)[1] < reach_px]
@@ -244,19 +269,13 @@ def _short_comb(page: Page, place: XY, numbered: Fit) -> Comb | None:
         return None
     height_px = float(np.median([each.height_px for each in numbered.numerals]))
     rough = max(
-        combs_by(page.picture, page.planes, place, numbered.radius_px, height_px),
-        key=lambda each: (_numbered(page, each), -each.miss_px),
+        (_Likely.of(page, comb) for comb in combs_by(page.picture, page.planes, place, numbered.radius_px, height_px)),
+        key=lambda each: (each.numbered, -each.comb.miss_px),
         default=None,
     )
-    if rough is None or not _numbered(page, rough):
+    if rough is None or not rough.numbered:
         return None
-    return comb_on(page.picture, page.planes, rough)
-
-
-def _numbered(page: Page, comb: Comb) -> float:
-    """Return the weight of the numerals that fit a comb's ticks without any doubt."""
-    scales = (marked(fit, comb) for fit in fits_around(page.texts, comb.rim.drawn))
-    return max((scale.fit.weight for scale in scales if not scale.doubt), default=0.0)
+    return comb_on(page.picture, page.planes, rough.comb)
 
 
 def face_texts(picture: NDArray[np.uint8], comb: Comb) -> list[Text]:

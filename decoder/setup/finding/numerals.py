@@ -60,7 +60,7 @@ PART_PX, OVERLAP_PX = 1280, 192
 # A word of this length gives its own rotation to this precision.
 LONG_PX, LEVEL_DEG = 40.0, 0.5
 
-_NUMBER = re.compile(r"^[^0-9A-Za-z+.]*([+-]?)(\d{1,3}(?:,\d{3})+|\d+\.\d+|\d+)[^0-9A-Za-z]*$")
+_NUMBER = re.compile(r"^[^0-9A-Za-z+.]*([+-]?)(\d{1,3}(?:,\d{3})+|\d*\.\d+|\d+)[^0-9A-Za-z]*$")
 _MISREAD = str.maketrans("OoQDIl|", "0000111")
 _MOSTLY_DIGITS = re.compile(r"^[-+]?[\dOoQDIl|.]*\d[\dOoQDIl|.]*$")
 

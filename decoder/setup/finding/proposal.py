@@ -16,7 +16,7 @@ from decoder.matching.thresholds import MIN_VIEWS
 from decoder.panel.arrays import Floats
 from decoder.panel.thresholds import BEYOND_SWEEP_DEG
 from decoder.registration.thresholds import LIKELY_SCORE, SCORE_THRESHOLD
-from decoder.setup.drawn_plane import DrawnPlane, Planes
+from decoder.setup.drawn_plane import Planes
 from decoder.setup.finding.dials import FoundDial, fits_around
 from decoder.setup.finding.geared import GEARED, Face, Geared, GearedDraft, geared_drafts
 from decoder.setup.finding.hands import turning, what_is_not_told
@@ -25,7 +25,7 @@ from decoder.setup.finding.marks import Marked, marked
 from decoder.setup.finding.motion import turned_deg
 from decoder.setup.finding.numerals import Text, is_there, level_deg
 from decoder.setup.finding.thresholds import LEAST_RUN, OFF_DEG
-from decoder.setup.finding.ticks import comb_about, shaped
+from decoder.setup.finding.ticks import Comb, comb_about, shaped
 from decoder.setup.proposals import Dial, Pictures, Proposal, proposed
 
 Document = dict[str, Any]
@@ -158,14 +158,23 @@ def _doubt_of_values(scale: Marked, legend: Legend) -> str:
 
 
 def settled(dial: FoundDial, seen: Pictures, planes: Planes, shape: Floats | None) -> FoundDial:
-    """Measure the ticks of a partial dial again, around where the needle turns, given how the panel is seen."""
-    comb = dial.comb
-    if comb.is_all_round or planes.inches is not None:
+    """Measure the ticks of a partial dial again, around where the needle turns, given how the panel is seen.
+
+    The dial's own circles may show that better than `shape`, (2, 2), what the others have in common: the one in which
+    its ticks end on circles is kept.
+    """
+    if dial.comb.is_all_round or planes.inches is not None:
         return dial
-    flat = DrawnPlane.square_on(dial.centre) if shape is None else shaped(dial.centre, shape)
-    turns = turning(seen, flat, comb.ring_px[0]) if len(seen.frames) >= MIN_VIEWS else None
-    again = comb_about(seen.picture, planes, comb, turns or flat)
-    return dial if again is None else replace(dial, comb=again)
+    shapes = [dial.comb.shape] if shape is None or dial.comb.rim.points is not None else []
+    shapes += [] if shape is None else [shape]
+    again = [comb for each in shapes if (comb := _settled(dial, seen, planes, each)) is not None]
+    return replace(dial, comb=min(again, key=lambda each: each.miss_px, default=dial.comb))
+
+
+def _settled(dial: FoundDial, seen: Pictures, planes: Planes, shape: Floats) -> Comb | None:
+    flat = shaped(dial.centre, shape)
+    turns = turning(seen, flat, dial.comb.ring_px[0]) if len(seen.frames) >= MIN_VIEWS else None
+    return comb_about(seen.picture, planes, dial.comb, turns or flat)
 
 
 def _ring(dial: FoundDial) -> tuple[tuple[float, float], ...]:
@@ -367,7 +376,7 @@ def _index(dial: FoundDial, texts: Sequence[Text], size_px: tuple[int, ...]) -> 
 def _so_far(dial: FoundDial, name: str, scale: Marked | None, legend: Legend, *, is_told: bool) -> Document:
     """Describe what is known of a dial, for somebody to complete; doubtful values are left out."""
     is_told = is_told and scale is not None and scale.fit.family is None
-    marks = [] if scale is None else _pairs(scale, legend.factor)
+    marks = _pairs(scale, legend.factor) if scale is not None and scale.marks else []
     sweep = _sweep([angle for angle, _ in marks]) if marks else BEGUN_SWEEP
     so_far = {
         **_placed(dial, name, sweep),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from decoder.imaging.motion import jacobian
 from decoder.imaging.planes import DialPlane
 from decoder.imaging.thresholds import HALF
+from decoder.learning.obliqueness import squeeze_shown
 from decoder.panel.arrays import Floats
 from decoder.panel.errors import PictureError
 from decoder.registration.thresholds import NOISE_LEVELS
@@ -92,6 +93,12 @@ class Comb:
         return float(inner), float(outer)
 
     @property
+    def shape(self) -> Floats:
+        """(2, 2): how the dial is seen, without its size."""
+        seen: Floats = jacobian(self.rim.drawn.plane.matrix, (0.0, 0.0))
+        return seen / math.sqrt(np.linalg.det(seen))
+
+    @property
     def is_all_round(self) -> bool:
         """Whether its ticks go all around, so that they determine their centre and how obliquely they are seen."""
         return _gap_deg(self.ticks) <= ALL_ROUND_DEG
@@ -104,12 +111,10 @@ def _gap_deg(ticks: Sequence[Tick]) -> float:
 
 def flat_shape(combs: Sequence[Comb]) -> Floats | None:
     """(2, 2): how a panel's dials are seen, from those whose ticks go all around; None if there are none."""
-    told = [
-        jacobian(comb.rim.drawn.plane.matrix, (0.0, 0.0)) for comb in combs if comb.is_all_round and comb.rim.points
-    ]
+    told = [comb.shape for comb in combs if comb.is_all_round and comb.rim.points]
     if not told:
         return None
-    shape: Floats = np.median([each / math.sqrt(np.linalg.det(each)) for each in told], axis=0)
+    shape: Floats = np.median(told, axis=0)
     return shape
 
 
@@ -126,14 +131,14 @@ def comb_about(picture: NDArray[np.uint8], planes: Planes, comb: Comb, drawn: Dr
     """
     inner, outer = comb.ring_px
     ticks: list[Tick] = []
+    start = drawn
     for _ in range(PASSES):
         ticks = _ticks(picture, drawn, inner, outer)
         if len(ticks) < max(LEAST_TICKS, HALF * len(comb.ticks)):
             return None
-        x, y = _radiating(picture, drawn, ticks)
-        if math.hypot(x, y) > HALF * HALF * inner:
+        drawn = drawn.moved(*_radiating(picture, drawn, ticks))
+        if start.polar(drawn.centre)[1] > HALF * HALF * inner:
             return None
-        drawn = drawn.moved(x, y)
     ticks = _ticks(picture, drawn, inner, outer)
     if len(ticks) < max(LEAST_TICKS, HALF * len(comb.ticks)):
         return None
@@ -230,6 +235,25 @@ def combs_by(
 def comb_on(picture: NDArray[np.uint8], planes: Planes, rough: Comb) -> Comb | None:
     """Measure a comb that `combs_by` found; None if its ticks are too few."""
     return _comb(picture, planes, rough.rim.drawn, rough.ring_px, rough.lines)
+
+
+def as_circles_show(picture: NDArray[np.uint8], planes: Planes, comb: Comb) -> Comb | None:
+    """Measure a comb again on the plane in which most of what shows around it are circles; None if it is not there.
+
+    Ticks that go only part of the way around do not determine their plane, and do not lie on circles in any other.
+    """
+    centre = np.array(comb.rim.centre)
+    squeeze = squeeze_shown(picture, planes.optics, centre, comb.rim.radius_px)
+    drawn, (inner, outer) = shaped(comb.rim.centre, squeeze.matrix), comb.ring_px
+    tried: list[Comb] = []
+    for _ in range(PASSES):
+        ticks = _ticks(picture, drawn, inner, outer)
+        if len(ticks) < LEAST_TICKS:
+            break
+        moved_to, inner, outer, off_px = _centred(drawn, ticks)
+        tried.append(Comb(oblique_rim(planes, drawn, outer), tuple(ticks), off_px, comb.lines))
+        drawn = moved_to
+    return min(tried, key=lambda each: each.miss_px, default=None)
 
 
 def _comb(
