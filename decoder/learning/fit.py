@@ -265,9 +265,8 @@ def fit_to_flight(reader: PanelReader, sample: Sample, *, rounds: int = ROUNDS, 
     back = [best.back_from(now) for best, now in zip(known, _known(last, paths), strict=True)]
     if any(path.step_px for path in back):
         tell("going back to where needles turned before they were lost")
-        around = around_pivots(
-            last.reader, [path.step_px for path in back], drawn=seen_from_pivots(gauges, back, log_odds)
-        )
+        told = seen_from_pivots(gauges, back, log_odds)
+        around = around_pivots(last.reader, [path.step_px for path in back], drawn=told)
         del reader, samples, last
         reader, samples, paths = around, unwrapped(around, sample(frames_wanted(around.placement))), back
         last = _learned(reader, samples, paths)
